@@ -8,7 +8,7 @@
 #include <stdlib.h>
 #include <string.h>
 
-#include "dispatch.h"
+#include "stream_tx.h"
 
 #define MS INT64_C(1000000)
 #define SECOND INT64_C(1000000000)
@@ -35,7 +35,7 @@ struct input {
     const uint8_t *at, *end;
 };
 
-static struct dispatch dispatch;
+static struct stream_tx tx;
 static int64_t begin, now;
 static uint16_t sequence, frame;
 
@@ -61,12 +61,12 @@ static void deliver(const uint8_t *data, size_t size, uint64_t address) {
 
     memcpy(copy, data, size);
     write_again(copy, size);
-    dispatch_report(&dispatch, now, copy, size, address);
+    stream_tx_report(&tx, now, copy, size, address);
     free(copy);
 }
 
 static size_t make_report(struct input *input, unsigned n, uint8_t *to) {
-    uint16_t newest = (uint16_t)dispatch.feedback.sent.newest, repairs = (uint16_t)dispatch.feedback.repairs.newest;
+    uint16_t newest = (uint16_t)tx.feedback.sent.newest, repairs = (uint16_t)tx.feedback.repairs.newest;
     struct report report = {.reporter = n & 7, .media = SSRC, .has_state = true};
 
     report.highest = (uint16_t)(newest - take_byte(input));
@@ -103,15 +103,15 @@ static void send_data(struct input *input, unsigned n) {
 
 static void write_frame(struct input *input, unsigned n) {
     static uint8_t data[8][RTP_PACKET_MAX];
-    struct dispatch_packet packets[8];
+    struct stream_tx_packet packets[8];
     unsigned count = n % 8 + 1;
     size_t more = take_byte(input) * 4u;
 
     for (unsigned i = 0; i < count; i++) {
         struct rtp_packet packet = {.type = RTP_H264, .marker = i + 1 == count, .sequence = sequence++, .ssrc = SSRC};
-        packets[i] = (struct dispatch_packet){data[i], rtp_write(data[i], &packet) + 1 + more};
+        packets[i] = (struct stream_tx_packet){data[i], rtp_write(data[i], &packet) + 1 + more};
     }
-    dispatch_frame(&dispatch, now, frame++, packets, count);
+    stream_tx_frame(&tx, now, frame++, packets, count);
 }
 
 /* A repair packet covers packets that were sent, up to the newest one. */
@@ -119,29 +119,29 @@ static void check_repair(const uint8_t *data, size_t size) {
     struct repair_packet repair;
 
     assert(repair_parse(data, size, &repair) && repair.media_ssrc == SSRC && repair.ssrc == REPAIR_SSRC);
-    assert(repair.count <= dispatch.window.count && repair.first + repair.count - 1 == dispatch.window.newest);
+    assert(repair.count <= tx.window.count && repair.first + repair.count - 1 == tx.window.newest);
 }
 
 static void send_all(void) {
     uint8_t packet[REPAIR_MAX];
-    enum dispatch_port port;
+    enum stream_tx_port port;
     size_t size;
 
-    for (unsigned count = 0; dispatch_next(&dispatch, now, packet, &size, &port); count++) {
-        assert(count < MOST && size <= (port == DISPATCH_MEDIA ? RTP_PACKET_MAX : REPAIR_MAX));
-        if (port == DISPATCH_REPAIR)
+    for (unsigned count = 0; stream_tx_next(&tx, now, packet, &size, &port); count++) {
+        assert(count < MOST && size <= (port == STREAM_TX_MEDIA ? RTP_PACKET_MAX : REPAIR_MAX));
+        if (port == STREAM_TX_REPAIR)
             check_repair(packet, size);
     }
-    assert(dispatch_deadline(&dispatch, now) > now);
+    assert(stream_tx_deadline(&tx, now) > now);
 }
 
 /* With any reports, the rate is kept, and each packet and each report is counted. */
 static void check_counts(void) {
-    const uint64_t *count = dispatch.count, *reports = dispatch.feedback.count;
+    const uint64_t *count = tx.count, *reports = tx.feedback.count;
     uint64_t allowed = (uint64_t)(WIRE / 8 * (0.3 + (double)(now - begin) / SECOND)) + 1;
 
-    assert(count[DISPATCH_BYTES] <= allowed);
-    assert(count[DISPATCH_PACKETS] == count[DISPATCH_SENT] + count[DISPATCH_DROPPED] + dispatch.waiting);
+    assert(count[STREAM_TX_BYTES] <= allowed);
+    assert(count[STREAM_TX_PACKETS] == count[STREAM_TX_SENT] + count[STREAM_TX_DROPPED] + tx.waiting);
     assert(reports[FEEDBACK_RECEIVED] ==
            reports[FEEDBACK_USED] + reports[FEEDBACK_GARBAGE] + reports[FEEDBACK_STALE] + reports[FEEDBACK_FLOOD]);
 }
@@ -157,28 +157,28 @@ static void step(struct input *input) {
     case REPORT: send_report(input, n, false); break;
     case CHANGE: send_report(input, n, true); break;
     case DATA: send_data(input, n); break;
-    case ROOM: assert(dispatch_allowance(&dispatch, now) <= WIRE / 8); break;
-    case REFRESH: dispatch_wants_refresh(&dispatch, now, &(size_t){0}); break;
+    case ROOM: assert(stream_tx_allowance(&tx, now) <= WIRE / 8); break;
+    case REFRESH: stream_tx_wants_refresh(&tx, now, &(size_t){0}); break;
     }
 }
 
 int LLVMFuzzerTestOneInput(const uint8_t *data, size_t size) {
-    const struct dispatch_settings settings = {.wire = WIRE,
-                                               .video = WIRE,
-                                               .interval = 40 * MS,
-                                               .header = HEADER,
-                                               .repair = true,
-                                               .ratio = DISPATCH_RATIO,
-                                               .media_ssrc = SSRC,
-                                               .repair_ssrc = REPAIR_SSRC,
-                                               .repair_sequence = 65530};
+    const struct stream_tx_settings settings = {.wire = WIRE,
+                                                .video = WIRE,
+                                                .interval = 40 * MS,
+                                                .header = HEADER,
+                                                .repair = true,
+                                                .ratio = STREAM_TX_RATIO,
+                                                .media_ssrc = SSRC,
+                                                .repair_ssrc = REPAIR_SSRC,
+                                                .repair_sequence = 65530};
     struct input input = {data, data + size};
 
     begin = now = 5000 * MS;
     sequence = 65530;
     frame = 65533;
-    memset(&dispatch, 0xa5, sizeof dispatch); /* an input must always have the same effect */
-    dispatch_init(&dispatch, &settings, now);
+    memset(&tx, 0xa5, sizeof tx); /* an input must always have the same effect */
+    stream_tx_init(&tx, &settings, now);
     while (input.at < input.end) {
         step(&input);
         send_all();

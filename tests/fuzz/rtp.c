@@ -1,6 +1,6 @@
 /* SPDX-License-Identifier: GPL-2.0-or-later */
 /*
- * Fuzz target: datagrams into the intake (RTP, order, repair, H.264 and MPEG-4 payloads). The input is a sequence of
+ * Fuzz target: datagrams into stream_rx.h (RTP, order, repair, H.264 and MPEG-4 payloads). The input is a sequence of
  * them: a byte for the milliseconds since the last one, two for the size, of which the highest bit is the port (1:
  * that of repair packets), then the datagram.
  */
@@ -8,7 +8,7 @@
 #include <stdlib.h>
 #include <string.h>
 
-#include "intake.h"
+#include "stream_rx.h"
 
 #define MS INT64_C(1000000)
 
@@ -27,28 +27,28 @@ static unsigned look_at(const struct assembly_frame *frame) {
     return sum + (frame->size && mpeg4_is_studio(frame->data, frame->size));
 }
 
-static void take_all(struct intake *intake, int64_t now) {
+static void take_all(struct stream_rx *rx, int64_t now) {
     static volatile unsigned sum;
     struct assembly_frame frame;
-    while (intake_take(intake, now, &frame))
+    while (stream_rx_take(rx, now, &frame))
         sum = sum + look_at(&frame);
 }
 
 /* Each packet is counted exactly once. */
-static void check_counts(const struct intake *intake) {
-    const uint64_t *count = intake->count;
-    uint64_t known = count[INTAKE_USED] + count[INTAKE_LATE] + count[INTAKE_DUPLICATE] + count[INTAKE_FOREIGN] +
-                     count[INTAKE_GARBAGE] + intake->reorder.waiting;
-    assert(count[INTAKE_RECEIVED] + count[INTAKE_RESTORED] == known);
-    known = count[INTAKE_RESTORED] + count[INTAKE_REPAIR_REFUSED] + count[INTAKE_REPAIR_USELESS] +
-            count[INTAKE_REPAIR_EXPIRED] + count[INTAKE_REPAIR_CORRUPT] + intake->restore.rows;
-    assert(count[INTAKE_REPAIR_RECEIVED] == known);
+static void check_counts(const struct stream_rx *rx) {
+    const uint64_t *count = rx->count;
+    uint64_t known = count[STREAM_RX_USED] + count[STREAM_RX_LATE] + count[STREAM_RX_DUPLICATE] +
+                     count[STREAM_RX_FOREIGN] + count[STREAM_RX_GARBAGE] + rx->reorder.waiting;
+    assert(count[STREAM_RX_RECEIVED] + count[STREAM_RX_RESTORED] == known);
+    known = count[STREAM_RX_RESTORED] + count[STREAM_RX_REPAIR_REFUSED] + count[STREAM_RX_REPAIR_USELESS] +
+            count[STREAM_RX_REPAIR_EXPIRED] + count[STREAM_RX_REPAIR_CORRUPT] + rx->restore.rows;
+    assert(count[STREAM_RX_REPAIR_RECEIVED] == known);
 }
 
 int LLVMFuzzerTestOneInput(const uint8_t *data, size_t size) {
-    static struct intake intake;
+    static struct stream_rx rx;
     int64_t now = MS;
-    intake_init(&intake, 20 * MS, true);
+    stream_rx_init(&rx, 20 * MS, true);
     while (size >= 3) {
         bool repair = data[1] >> 7;
         size_t bytes = (size_t)((data[1] & 0x7f) << 8 | data[2]) % (RTP_DATAGRAM_MAX + 8);
@@ -60,20 +60,20 @@ int LLVMFuzzerTestOneInput(const uint8_t *data, size_t size) {
         uint8_t *datagram = malloc(bytes ? bytes : 1); /* exactly its size */
         memcpy(datagram, data, bytes);
         if (repair)
-            intake_put_repair(&intake, datagram, bytes);
+            stream_rx_put_repair(&rx, datagram, bytes);
         else
-            intake_put(&intake, datagram, bytes, now);
+            stream_rx_put(&rx, datagram, bytes, now);
         free(datagram);
-        take_all(&intake, now);
-        check_counts(&intake);
+        take_all(&rx, now);
+        check_counts(&rx);
         data += bytes;
         size -= bytes;
     }
     struct assembly_frame last;
-    while (intake_take_last(&intake, &last))
+    while (stream_rx_take_last(&rx, &last))
         look_at(&last);
-    check_counts(&intake);
-    assert(!intake.reorder.waiting);
-    intake_free(&intake);
+    check_counts(&rx);
+    assert(!rx.reorder.waiting);
+    stream_rx_free(&rx);
     return 0;
 }

@@ -139,7 +139,7 @@ static void test_repeated_and_cut_off(void) {
     CHECK(!guard_media(&guard, packet.data, &packet.size));
     CHECK_EQUAL(guard.count[GUARD_REFUSED] + guard.count[GUARD_REPEATED], 1 + copy.size + 1);
     struct guard open = {0};
-    CHECK(guard_media(&open, packet.data, &packet.size)); /* for the intake to count as garbage */
+    CHECK(guard_media(&open, packet.data, &packet.size)); /* for stream_rx.h to count as garbage */
     secure_close(guard.secure);
     secure_close(sender);
 }

@@ -95,7 +95,7 @@ static void check_forged(void) {
     printf("forged reports: usable %.2f %%, video %.0f kbit/s\n", usable(&run, CALM, FRAMES), video_kbit());
     CHECK(usable(&run, CALM, FRAMES) >= 97);
     CHECK(video_kbit() >= 60);
-    CHECK(dispatch.feedback.count[FEEDBACK_FLOOD] > 1000);
+    CHECK(tx.feedback.count[FEEDBACK_FLOOD] > 1000);
 
     run.forgers = 0;
     simulate(&run, 1);
@@ -105,13 +105,13 @@ static void check_forged(void) {
     simulate(&run, 1);
     check_books(&run);
     CHECK(usable(&run, CALM, FRAMES) == before && video_bytes == bytes);
-    CHECK_EQUAL(dispatch.feedback.count[FEEDBACK_GARBAGE], 400 * FRAMES);
+    CHECK_EQUAL(tx.feedback.count[FEEDBACK_GARBAGE], 400 * FRAMES);
 }
 
 /* Repair that is wanted and refused, though half of the bucket or more is unused: ns. */
 static int64_t refused(int64_t until) {
-    const struct deficit *deficit = &dispatch.feedback.reporter[0].deficit;
-    struct dispatch copy = dispatch; /* asking changes nothing that counts */
+    const struct deficit *deficit = &tx.feedback.reporter[0].deficit;
+    struct stream_tx copy = tx; /* asking changes nothing that counts */
     uint32_t first;
 
     if (!copy.feedback.reporter[0].used || !deficit->wanted || now - deficit->heard >= FEEDBACK_GONE ||
@@ -146,7 +146,7 @@ static void check_freeze(void) {
 enum lie { MISSES, OUTAGE, HOPELESS, DELAY, LIES };
 
 static void lie(enum lie lie) {
-    unsigned known = dispatch.window.count < 199 ? dispatch.window.count : 199, back = lie == OUTAGE ? known / 2 : 0;
+    unsigned known = tx.window.count < 199 ? tx.window.count : 199, back = lie == OUTAGE ? known / 2 : 0;
     uint16_t highest = (uint16_t)(sequence - 1 - back);
     struct report report = {.reporter = 5,
                             .media = SSRC,
@@ -154,7 +154,7 @@ static void lie(enum lie lie) {
                             .highest = highest,
                             .base = (uint16_t)(sequence - known),
                             .loss = lie == HOPELESS ? 250 : 0};
-    const struct history *sent = &dispatch.feedback.sent;
+    const struct history *sent = &tx.feedback.sent;
     uint8_t data[REPORT_MAX];
 
     if (known < 4)
@@ -167,7 +167,7 @@ static void lie(enum lie lie) {
     }
     if (back)
         report.age = (now - history_sent(sent, history_find(sent, highest)) - 2 * MS) / REPORT_TICK * REPORT_TICK;
-    dispatch_report(&dispatch, now, data, report_write(data, &report), 666);
+    stream_tx_report(&tx, now, data, report_write(data, &report), 666);
 }
 
 /* A lone reporter that lies 200 times a second, while the receivers that watch do not report: repair takes at most half

@@ -5,7 +5,7 @@
 
 #include <errno.h>
 
-#include "dispatch.h"
+#include "stream_tx.h"
 #include "reporter.h"
 
 #include "bits.h"
@@ -58,7 +58,7 @@ struct run {
     int64_t wire;     /* bit/s; 0: WIRE */
     int64_t video;    /* limit in bit/s; 0: the default */
     bool silent;      /* no reports */
-    double ratio;     /* of repair packets to media packets without reports; 0: DISPATCH_RATIO if silent */
+    double ratio;     /* of repair packets to media packets without reports; 0: STREAM_TX_RATIO if silent */
     double smaller;   /* part of the allowance by which frames are smaller, as x264's are */
     bool any_size;    /* frames of less than LEAST_LEVEL count as well, as they do without reports */
     unsigned begin;   /* frame from which on packets are lost */
@@ -69,7 +69,7 @@ struct run {
     unsigned garbage; /* datagrams to the sender with each frame */
 };
 
-static struct dispatch dispatch;
+static struct stream_tx tx;
 static int64_t now, start;
 static uint64_t wire[FRAMES * 4 + 400]; /* bytes of each 10 ms */
 static uint16_t sequence;
@@ -117,11 +117,11 @@ static void renew(struct frame *frame) {
 /* Equal packets; one packet for a frame of up to 800 bytes. */
 static void write_frame(const struct run *run) {
     static uint8_t data[MOST][RTP_PACKET_MAX];
-    struct dispatch_packet packets[MOST];
+    struct stream_tx_packet packets[MOST];
     struct frame *frame = &frames[frame_count];
-    size_t allowed = dispatch_allowance(&dispatch, now);
+    size_t allowed = stream_tx_allowance(&tx, now);
     size_t whole = 0;
-    bool wants = allowed && dispatch_wants_refresh(&dispatch, now, &whole);
+    bool wants = allowed && stream_tx_wants_refresh(&tx, now, &whole);
     allowed = whole > allowed ? whole : allowed;
     size_t size = frame_count ? (size_t)((double)allowed * (1 - run->smaller) * (0.7 + 0.6 * random_share())) : 4000;
     unsigned count = !allowed ? 0 : size <= 800 ? 1 : size <= 1160 ? 2 : (unsigned)(size + 1159) / 1160;
@@ -140,23 +140,23 @@ static void write_frame(const struct run *run) {
     frame->level = before + ((count ? (double)size : 0) - before) / LEVEL;
     frame->number = frame_count ? frame[-1].number + (count > 0) : 0;
     if (count)
-        dispatch_frame(&dispatch, now, (uint16_t)frame->number, packets, count);
+        stream_tx_frame(&tx, now, (uint16_t)frame->number, packets, count);
     video_bytes += frame_count < CALM ? 0 : count ? size : 0;
     frame_count++;
 }
 
 static void send_due(const struct run *run) {
     uint8_t data[REPAIR_MAX];
-    enum dispatch_port port;
+    enum stream_tx_port port;
     size_t size;
 
-    while (dispatch_next(&dispatch, now, data, &size, &port)) {
+    while (stream_tx_next(&tx, now, data, &size, &port)) {
         wire[(now - start) / (10 * MS)] += size + HEADER;
-        repair_bytes_sent += port == DISPATCH_REPAIR ? size + HEADER : 0;
+        repair_bytes_sent += port == STREAM_TX_REPAIR ? size + HEADER : 0;
         for (unsigned i = 0; i < run->receivers; i++)
             lossy_send(&receivers[i].from, now, port, data, size);
     }
-    CHECK(dispatch_deadline(&dispatch, now) > now);
+    CHECK(stream_tx_deadline(&tx, now) > now);
 }
 
 static void forge(const struct run *run) {
@@ -170,11 +170,11 @@ static void forge(const struct run *run) {
                                 .base = (uint16_t)(sequence - 200),
                                 .missing = 199,
                                 .loss = i & 1 ? 250 : 0};
-        dispatch_report(&dispatch, now, data, report_write(data, &report), 666);
+        stream_tx_report(&tx, now, data, report_write(data, &report), 666);
     }
     for (unsigned i = 0; i < run->garbage; i++) {
         data[i % REPORT_MAX] = (uint8_t)(i * 77);
-        dispatch_report(&dispatch, now, data, i % (REPORT_MAX + 1), i);
+        stream_tx_report(&tx, now, data, i % (REPORT_MAX + 1), i);
     }
 }
 
@@ -237,7 +237,7 @@ static void got_datagram(const struct run *run, struct receiver *receiver, const
     uint16_t number;
     size_t size;
 
-    if (packet->port == DISPATCH_MEDIA) {
+    if (packet->port == STREAM_TX_MEDIA) {
         reporter_media(&receiver->reporter, now, get16(packet->data + 2), get32(packet->data + 4),
                        packet->data[1] >> 7);
         if (!restore_source(&receiver->restore, packet->data, packet->size))
@@ -277,23 +277,23 @@ static void receive_due(const struct run *run, struct receiver *receiver) {
     CHECK(run->silent || reporter_deadline(&receiver->reporter, &receiver->restore) > now);
     while ((packet = lossy_take(&receiver->to, now)))
         if (!run->hush || frame_count < run->hush)
-            dispatch_report(&dispatch, now, packet->data, packet->size, (uint64_t)(receiver - receivers));
+            stream_tx_report(&tx, now, packet->data, packet->size, (uint64_t)(receiver - receivers));
 }
 
 /* ---- A run ---- */
 
 static void begin(const struct run *run, uint64_t seed) {
-    struct dispatch_settings settings = {.wire = wire_of(run),
-                                         .video = run->video,
-                                         .interval = INTERVAL,
-                                         .header = HEADER,
-                                         .repair = true,
-                                         .ratio = run->ratio > 0 ? run->ratio
-                                                  : run->silent  ? DISPATCH_RATIO
-                                                                 : 0,
-                                         .media_ssrc = SSRC,
-                                         .repair_ssrc = 2,
-                                         .repair_sequence = 65000};
+    struct stream_tx_settings settings = {.wire = wire_of(run),
+                                          .video = run->video,
+                                          .interval = INTERVAL,
+                                          .header = HEADER,
+                                          .repair = true,
+                                          .ratio = run->ratio > 0 ? run->ratio
+                                                   : run->silent  ? STREAM_TX_RATIO
+                                                                  : 0,
+                                          .media_ssrc = SSRC,
+                                          .repair_ssrc = 2,
+                                          .repair_sequence = 65000};
 
     random_begin(seed);
     now = start = 1000 * MS;
@@ -302,7 +302,7 @@ static void begin(const struct run *run, uint64_t seed) {
     video_bytes = repair_bytes_sent = 0;
     renewal = false;
     memset(wire, 0, sizeof wire);
-    dispatch_init(&dispatch, &settings, now);
+    stream_tx_init(&tx, &settings, now);
     for (unsigned i = 0; i < run->receivers; i++) {
         struct receiver *receiver = &receivers[i];
 
@@ -330,7 +330,7 @@ static int64_t next_event(const struct run *run) {
         for (unsigned j = 0; j < 3; j++)
             time = times[j] < time ? times[j] : time;
     }
-    int64_t due = dispatch_deadline(&dispatch, now);
+    int64_t due = stream_tx_deadline(&tx, now);
     return due < time ? due : time;
 }
 
@@ -419,11 +419,11 @@ static double peak(void) {
 }
 
 static void check_books(const struct run *run) {
-    const uint64_t *count = dispatch.count, *reports = dispatch.feedback.count;
+    const uint64_t *count = tx.count, *reports = tx.feedback.count;
     uint64_t sum = 0;
 
-    CHECK_EQUAL(count[DISPATCH_PACKETS], count[DISPATCH_SENT] + count[DISPATCH_DROPPED] + dispatch.waiting);
-    CHECK_EQUAL(receivers[0].from.sent, count[DISPATCH_SENT] + count[DISPATCH_REPAIRS]);
+    CHECK_EQUAL(count[STREAM_TX_PACKETS], count[STREAM_TX_SENT] + count[STREAM_TX_DROPPED] + tx.waiting);
+    CHECK_EQUAL(receivers[0].from.sent, count[STREAM_TX_SENT] + count[STREAM_TX_REPAIRS]);
     for (unsigned i = FEEDBACK_RECEIVED + 1; i < FEEDBACK_COUNTS; i++)
         sum += reports[i];
     CHECK_EQUAL(reports[FEEDBACK_RECEIVED], sum);

@@ -6,7 +6,7 @@
 #ifndef DDXVIDEO_ANSWER_H
 #define DDXVIDEO_ANSWER_H
 
-#include "intake.h"
+#include "stream_rx.h"
 #include "network.h"
 #include "reporter.h"
 #include "secure.h"

@@ -78,7 +78,7 @@ static bool unlock_media(struct guard *guard, uint8_t *data, size_t *size) {
 
 /* ---- Without a key ---- */
 
-/* Whether a media packet can be read. Invalid packets pass, since the intake counts them. */
+/* Whether a media packet can be read. Invalid packets pass, since struct stream_rx counts them. */
 static bool pass_media(struct guard *guard, const uint8_t *data, size_t size) {
     struct rtp_packet packet;
 

@@ -1,9 +1,9 @@
 /* SPDX-License-Identifier: GPL-2.0-or-later */
 /*
- * Passes datagrams on to the intake. With a key: packets that the key authenticates, decrypted. Without a key: packets
- * that are not encrypted (rtp.h, frame.encrypted), because a decoder cannot use an encrypted payload. All others are
- * refused and counted, and a line for each source has the reason. Forged packets with the SSRC of a stream on display
- * do not stop its repair packets.
+ * Checks datagrams before stream_rx.h gets them. With a key: packets pass that the key authenticates, decrypted. Without
+ * a key: packets that are not encrypted (rtp.h, frame.encrypted), because a decoder cannot use an encrypted payload. All
+ * others are refused and counted, and a line for each source has the reason. Forged packets with the SSRC of a stream on
+ * display do not stop its repair packets.
  *
  * No sockets, no clock. Nothing blocks. Fixed memory.
  */
@@ -21,7 +21,7 @@
 #define GUARD_QUIET INT64_C(10000000000) /* ns between two lines */
 #define GUARD_TEXT_MAX 400
 
-/* Datagrams that came to the two ports = received + repair_received of the intake + these. */
+/* Datagrams that came to the two ports = received + repair_received of struct stream_rx + these. */
 enum guard_count {
     GUARD_REFUSED,  /* encrypted with another key, not encrypted, encrypted and there is no key, changed, forged */
     GUARD_REPEATED, /* with a key: their sequence number came before */
@@ -51,7 +51,7 @@ struct guard {
     struct guard_source source[GUARD_SOURCES];
 };
 
-/* Mark the stream with this SSRC as on display: its packets were passed on, and the intake follows it. */
+/* Mark the stream with this SSRC as on display: its packets were passed on, and struct stream_rx follows it. */
 void guard_show(struct guard *guard, uint32_t ssrc);
 
 /*

@@ -6,7 +6,7 @@
 #include <libavcodec/avcodec.h>
 #include <stdbool.h>
 
-#include "intake.h"
+#include "stream_rx.h"
 
 struct AVFormatContext;
 

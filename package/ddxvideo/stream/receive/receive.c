@@ -9,7 +9,7 @@
 #include <string.h>
 
 static const char *const reasons[] = VIEWER_REASONS;
-static const char *const names[] = {INTAKE_NAMES, GUARD_NAMES, ANSWER_NAMES, LINK_NAMES};
+static const char *const names[] = {STREAM_RX_NAMES, GUARD_NAMES, ANSWER_NAMES, LINK_NAMES};
 
 #define MS INT64_C(1000000)
 #define NS INT64_C(1000000000)
@@ -29,7 +29,7 @@ static void fail(struct viewer *viewer, const char *what, const char *why) {
 
 /* What the link does now. */
 static uint64_t *link_of(struct viewer *viewer) {
-    uint64_t *figures = viewer->packets + INTAKE_COUNTS + GUARD_COUNTS + ANSWER_COUNTS;
+    uint64_t *figures = viewer->packets + STREAM_RX_COUNTS + GUARD_COUNTS + ANSWER_COUNTS;
 
     link_figures(&viewer->link, ddx_time_now(), figures);
     figures[LINK_LOSS] = reporter_loss(&viewer->answer.reporter);
@@ -40,17 +40,17 @@ static uint64_t *link_of(struct viewer *viewer) {
 static void show_counters(struct viewer *viewer) {
     uint64_t *to = viewer->packets;
 
-    memcpy(to, viewer->intake.count, sizeof viewer->intake.count);
-    memcpy(to + INTAKE_COUNTS, viewer->guard.count, sizeof viewer->guard.count);
-    memcpy(to + INTAKE_COUNTS + GUARD_COUNTS, viewer->answer.count, sizeof viewer->answer.count);
+    memcpy(to, viewer->rx.count, sizeof viewer->rx.count);
+    memcpy(to + STREAM_RX_COUNTS, viewer->guard.count, sizeof viewer->guard.count);
+    memcpy(to + STREAM_RX_COUNTS + GUARD_COUNTS, viewer->answer.count, sizeof viewer->answer.count);
     link_of(viewer);
     counters_write(&viewer->counters);
 }
 
 /* Whether packets came since then. */
 static bool counters_differ(const struct viewer *viewer) {
-    return memcmp(viewer->packets, viewer->intake.count, sizeof viewer->intake.count) != 0 ||
-           memcmp(viewer->packets + INTAKE_COUNTS, viewer->guard.count, sizeof viewer->guard.count) != 0;
+    return memcmp(viewer->packets, viewer->rx.count, sizeof viewer->rx.count) != 0 ||
+           memcmp(viewer->packets + STREAM_RX_COUNTS, viewer->guard.count, sizeof viewer->guard.count) != 0;
 }
 
 static void record(struct viewer *viewer, const struct assembly_frame *frame) {
@@ -70,7 +70,7 @@ static void begin_source(struct viewer *viewer, const struct assembly_frame *fra
         fail(viewer, "decoder", av_err2str(error));
     viewer->shown = false;
     viewer->said = 0;
-    say("receiving %s, SSRC %08" PRIx32, frame->type == RTP_H264 ? "H.264" : "MPEG-4", viewer->intake.ssrc);
+    say("receiving %s, SSRC %08" PRIx32, frame->type == RTP_H264 ? "H.264" : "MPEG-4", viewer->rx.ssrc);
 }
 
 /* The frame's picture; NULL if it gives none, or only an unwanted one. */
@@ -133,7 +133,7 @@ static void put_on_screen(struct viewer *viewer) {
 static void take_frames(struct viewer *viewer) {
     struct assembly_frame frame;
 
-    while (intake_take(&viewer->intake, ddx_time_now(), &frame))
+    while (stream_rx_take(&viewer->rx, ddx_time_now(), &frame))
         handle(viewer, &frame);
 }
 
@@ -149,13 +149,13 @@ static bool read_packet(struct viewer *viewer, enum inlet_port port) {
         return false;
     link_packet(&viewer->link, port == INLET_REPAIR, size, now);
     if (port == INLET_REPAIR && guard_repair(&viewer->guard, data, &size) &&
-        intake_put_repair(&viewer->intake, data, size))
+        stream_rx_put_repair(&viewer->rx, data, size))
         answer_repair(&viewer->answer, data, size, now);
-    if (port == INLET_MEDIA && guard_media(&viewer->guard, data, &size) && intake_put(&viewer->intake, data, size, now))
+    if (port == INLET_MEDIA && guard_media(&viewer->guard, data, &size) && stream_rx_put(&viewer->rx, data, size, now))
         answer_media(&viewer->answer, data, size, &from, now);
     take_frames(viewer);
-    if (viewer->intake.followed)
-        guard_show(&viewer->guard, viewer->intake.ssrc);
+    if (viewer->rx.followed)
+        guard_show(&viewer->guard, viewer->rx.ssrc);
     return true;
 }
 
@@ -186,8 +186,8 @@ static void join(struct viewer *viewer) {
 static void wait_for_packets(const struct viewer *viewer) {
     struct pollfd wanted[INLET_PORTS];
     int64_t now = ddx_time_now(), limit = viewer->screen.tick && !viewer->screen.each ? WINDOW : IDLE;
-    int64_t gap = intake_deadline(&viewer->intake);
-    int64_t report = answer_deadline(&viewer->answer, &viewer->intake.restore);
+    int64_t gap = stream_rx_deadline(&viewer->rx);
+    int64_t report = answer_deadline(&viewer->answer, &viewer->rx.restore);
     int64_t until = gap < report ? gap : report;
     int64_t wait = until <= now ? 0 : until - now < limit ? until - now : limit;
     const struct timespec timeout = {.tv_nsec = (long)wait};
@@ -198,7 +198,7 @@ static void wait_for_packets(const struct viewer *viewer) {
 }
 
 static void report(struct viewer *viewer) {
-    answer_send(&viewer->answer, viewer->inlet.fd[INLET_MEDIA], &viewer->intake.restore,
+    answer_send(&viewer->answer, viewer->inlet.fd[INLET_MEDIA], &viewer->rx.restore,
                 decoder_wants_renewal(&viewer->decoder), ddx_time_now());
 }
 
@@ -239,7 +239,7 @@ static void view(struct viewer *viewer) {
     /* At a stop: shows frames that had arrived, and frames that wait for a missing packet. */
     read_packets(viewer, ALL);
     struct assembly_frame frame;
-    while (intake_take_last(&viewer->intake, &frame))
+    while (stream_rx_take_last(&viewer->rx, &frame))
         handle(viewer, &frame);
     put_on_screen(viewer);
 }
@@ -288,7 +288,7 @@ static bool prepare(struct viewer *viewer) {
     error = inlet_open_repair(&viewer->inlet);
     if (error)
         say("port %ld: %s; going on without repair packets", viewer->inlet.port + NETWORK_REPAIR, strerror(-error));
-    intake_init(&viewer->intake, viewer->patience * MS, !viewer->conceal && !error);
+    stream_rx_init(&viewer->rx, viewer->patience * MS, !viewer->conceal && !error);
     if (!viewer->headless && !viewer->screen.show)
         show_in_window(viewer);
     viewer->newest.picture = av_frame_alloc();
@@ -330,7 +330,7 @@ int viewer_run(struct viewer *viewer) {
     av_frame_free(&viewer->newest.picture);
     show_close_window(viewer);
     decoder_close(&viewer->decoder);
-    intake_free(&viewer->intake);
+    stream_rx_free(&viewer->rx);
     inlet_close(&viewer->inlet);
     secure_close(viewer->guard.secure);
     return viewer->status;

@@ -10,7 +10,7 @@
 #include "decoder.h"
 #include "guard.h"
 #include "inlet.h"
-#include "intake.h"
+#include "stream_rx.h"
 #include "link.h"
 #include "movie.h"
 #include "output.h"
@@ -57,9 +57,9 @@ struct viewer {
     DDX_STORE_ID *id; /* NULL: no store here */
     DDX_STATS_BOOK *book;
     struct counters counters;
-    uint64_t packets[INTAKE_COUNTS + GUARD_COUNTS + ANSWER_COUNTS + LINK_COUNTS]; /* values of the counters */
+    uint64_t packets[STREAM_RX_COUNTS + GUARD_COUNTS + ANSWER_COUNTS + LINK_COUNTS]; /* values of the counters */
     struct link link;
-    struct intake intake;
+    struct stream_rx rx;
     struct answer answer;
     struct decoder decoder;
     struct display *display; /* NULL: no window */

@@ -29,13 +29,13 @@ bool packets_make(struct packets *packets, const struct encoded *encoded, struct
     packet.has_count = packet.has_source = true;
     begin(&source, packet.type, encoded);
     while ((size = next(&source, packet.type, payload, &packet.marker))) {
-        if (packets->count == DISPATCH_QUEUE)
+        if (packets->count == STREAM_TX_QUEUE)
             return false;
         uint8_t *data = packets->data[packets->count];
         packet.sequence = sequence++;
         size_t header = rtp_write(data, &packet);
         memcpy(data + header, payload, size);
-        packets->packet[packets->count++] = (struct dispatch_packet){data, header + size};
+        packets->packet[packets->count++] = (struct stream_tx_packet){data, header + size};
         packet.has_source = false; /* once a frame, in its first packet */
     }
     packets->sequence = sequence;

@@ -3,7 +3,7 @@
 #ifndef DDXVIDEO_PACKETS_H
 #define DDXVIDEO_PACKETS_H
 
-#include "dispatch.h"
+#include "stream_tx.h"
 #include "encoder.h"
 #include "h264.h"
 #include "mpeg4.h"
@@ -11,14 +11,14 @@
 struct packets {
     uint16_t sequence; /* of the next packet */
     struct mpeg4_packer mpeg4;
-    unsigned count; /* packets of the last frame; more than DISPATCH_QUEUE: the frame does not fit */
-    struct dispatch_packet packet[DISPATCH_QUEUE];
-    uint8_t data[DISPATCH_QUEUE][RTP_PACKET_MAX];
+    unsigned count; /* packets of the last frame; more than STREAM_TX_QUEUE: the frame does not fit */
+    struct stream_tx_packet packet[STREAM_TX_QUEUE];
+    uint8_t data[STREAM_TX_QUEUE][RTP_PACKET_MAX];
 };
 
 /*
  * Pack a frame. `packet` describes all of its packets: payload type, time, SSRC, frame. The packets are valid until the
- * next call. False if the frame takes more than DISPATCH_QUEUE packets.
+ * next call. False if the frame takes more than STREAM_TX_QUEUE packets.
  */
 bool packets_make(struct packets *packets, const struct encoded *encoded, struct rtp_packet packet);
 

@@ -50,14 +50,14 @@ static unsigned send_packet(struct post *post, enum outlet_port to, uint8_t *pac
 /* Send what is due. */
 static void send_due(struct post *post) {
     uint8_t packet[REPAIR_MAX + SECURE_ROOM] __attribute__((aligned(4)));
-    enum dispatch_port port;
+    enum stream_tx_port port;
     size_t size;
 
-    while (dispatch_next(&post->dispatch, ddx_time_now(), packet, &size, &port)) {
-        enum outlet_port to = port == DISPATCH_MEDIA ? OUTLET_MEDIA : OUTLET_REPAIR;
+    while (stream_tx_next(&post->tx, ddx_time_now(), packet, &size, &port)) {
+        enum outlet_port to = port == STREAM_TX_MEDIA ? OUTLET_MEDIA : OUTLET_REPAIR;
         unsigned missed = send_packet(post, to, packet, size);
 
-        if (port != DISPATCH_MEDIA)
+        if (port != STREAM_TX_MEDIA)
             continue;
         post->missed |= missed;
         if (packet[1] & MARKER)
@@ -75,7 +75,7 @@ static void read_reports(struct post *post) {
 
         if (size && post->secure && secure_unprotect_report(post->secure, data, &size))
             size = 0;
-        dispatch_report(&post->dispatch, ddx_time_now(), data, size, address);
+        stream_tx_report(&post->tx, ddx_time_now(), data, size, address);
     }
 }
 
@@ -103,7 +103,7 @@ static void *run(void *data) {
         pthread_mutex_lock(&post->lock);
         read_reports(post);
         send_due(post);
-        int64_t until = dispatch_deadline(&post->dispatch, ddx_time_now());
+        int64_t until = stream_tx_deadline(&post->tx, ddx_time_now());
         stopping = post->stopping;
         pthread_mutex_unlock(&post->lock);
         if (!stopping)
@@ -119,11 +119,11 @@ static void wake(struct post *post) {
 /* ---- For the program's thread ---- */
 
 int post_start(struct post *post, struct outlet *outlet, struct secure *secure,
-               const struct dispatch_settings *settings) {
+               const struct stream_tx_settings *settings) {
     memset(post, 0, sizeof *post);
     post->outlet = outlet;
     post->secure = secure;
-    dispatch_init(&post->dispatch, settings, ddx_time_now());
+    stream_tx_init(&post->tx, settings, ddx_time_now());
     post->wake = eventfd(0, EFD_CLOEXEC | EFD_NONBLOCK);
     if (post->wake < 0)
         return -errno;
@@ -137,30 +137,30 @@ int post_start(struct post *post, struct outlet *outlet, struct secure *secure,
 
 void post_set_interval(struct post *post, int64_t interval) {
     pthread_mutex_lock(&post->lock);
-    post->dispatch.settings.interval = interval;
+    post->tx.settings.interval = interval;
     pthread_mutex_unlock(&post->lock);
 }
 
 size_t post_allowance(struct post *post) {
     pthread_mutex_lock(&post->lock);
-    size_t bytes = dispatch_allowance(&post->dispatch, ddx_time_now());
+    size_t bytes = stream_tx_allowance(&post->tx, ddx_time_now());
     pthread_mutex_unlock(&post->lock);
     return bytes;
 }
 
 bool post_wants_refresh(struct post *post, size_t *whole) {
     pthread_mutex_lock(&post->lock);
-    bool wants = dispatch_wants_refresh(&post->dispatch, ddx_time_now(), whole);
+    bool wants = stream_tx_wants_refresh(&post->tx, ddx_time_now(), whole);
     pthread_mutex_unlock(&post->lock);
     return wants;
 }
 
-bool post_frame(struct post *post, uint16_t frame, int64_t written, const struct dispatch_packet *packets,
+bool post_frame(struct post *post, uint16_t frame, int64_t written, const struct stream_tx_packet *packets,
                 unsigned count) {
     pthread_mutex_lock(&post->lock);
-    bool taken = post->open < POST_FRAMES && count <= dispatch_room(&post->dispatch);
+    bool taken = post->open < POST_FRAMES && count <= stream_tx_room(&post->tx);
     if (taken) {
-        dispatch_frame(&post->dispatch, ddx_time_now(), frame, packets, count);
+        stream_tx_frame(&post->tx, ddx_time_now(), frame, packets, count);
         post->written[(post->first + post->open++) % POST_FRAMES] = written;
         send_due(post);
     }
@@ -171,7 +171,7 @@ bool post_frame(struct post *post, uint16_t frame, int64_t written, const struct
 
 bool post_other(struct post *post, size_t size) {
     pthread_mutex_lock(&post->lock);
-    bool may_go = dispatch_other(&post->dispatch, ddx_time_now(), size);
+    bool may_go = stream_tx_other(&post->tx, ddx_time_now(), size);
     pthread_mutex_unlock(&post->lock);
     return may_go;
 }
@@ -184,18 +184,18 @@ struct post_outcome post_collect(struct post *post) {
     return outcome;
 }
 
-void post_counts(struct post *post, uint64_t dispatch[DISPATCH_COUNTS], uint64_t feedback[FEEDBACK_COUNTS],
+void post_counts(struct post *post, uint64_t tx[STREAM_TX_COUNTS], uint64_t feedback[FEEDBACK_COUNTS],
                  struct outlet *outlet) {
     pthread_mutex_lock(&post->lock);
-    memcpy(dispatch, post->dispatch.count, sizeof post->dispatch.count);
-    memcpy(feedback, post->dispatch.feedback.count, sizeof post->dispatch.feedback.count);
+    memcpy(tx, post->tx.count, sizeof post->tx.count);
+    memcpy(feedback, post->tx.feedback.count, sizeof post->tx.feedback.count);
     *outlet = *post->outlet;
     pthread_mutex_unlock(&post->lock);
 }
 
 void post_losses(struct post *post, double *loss, double *run) {
     pthread_mutex_lock(&post->lock);
-    feedback_losses(&post->dispatch.feedback, ddx_time_now(), loss, run);
+    feedback_losses(&post->tx.feedback, ddx_time_now(), loss, run);
     pthread_mutex_unlock(&post->lock);
 }
 
@@ -210,7 +210,7 @@ static bool waits(struct post *post) {
 void post_stop(struct post *post) {
     if (!post->running)
         return;
-    int64_t until = ddx_time_now() + post->dispatch.settings.interval;
+    int64_t until = ddx_time_now() + post->tx.settings.interval;
     while (waits(post) && ddx_time_now() < until)
         nanosleep(&(struct timespec){.tv_nsec = NS / 1000}, NULL);
     pthread_mutex_lock(&post->lock);

@@ -1,6 +1,6 @@
 /* SPDX-License-Identifier: GPL-2.0-or-later */
 /*
- * The sender's network thread: sends what dispatch.h decides when it is due, and reads the reports of receivers. The
+ * The sender's network thread: sends what stream_tx.h decides when it is due, and reads the reports of receivers. The
  * program's thread hands frames over and never waits for the network.
  */
 #ifndef DDXVIDEO_POST_H
@@ -8,7 +8,7 @@
 
 #include <pthread.h>
 
-#include "dispatch.h"
+#include "stream_tx.h"
 #include "outlet.h"
 #include "secure.h"
 
@@ -28,7 +28,7 @@ struct post {
     pthread_mutex_t lock; /* of all below */
     int wake;             /* eventfd: a frame or packet was handed over */
     bool running, stopping;
-    struct dispatch dispatch;
+    struct stream_tx tx;
     unsigned missed;      /* receivers that lack a packet of the frame that is being sent */
     unsigned first, open; /* of `written`: frames handed over and not sent completely */
     int64_t written[POST_FRAMES];
@@ -41,7 +41,7 @@ struct post {
  * must be there until post_stop() returns. 0 or -errno.
  */
 int post_start(struct post *post, struct outlet *outlet, struct secure *secure,
-               const struct dispatch_settings *settings);
+               const struct stream_tx_settings *settings);
 
 /* Another frame interval, ns. */
 void post_set_interval(struct post *post, int64_t interval);
@@ -49,24 +49,24 @@ void post_set_interval(struct post *post, int64_t interval);
 /* Bytes that the next frame may have; 0: skip it, since former frames are not sent yet. */
 size_t post_allowance(struct post *post);
 
-/* Whether a receiver needs a picture to begin with, and the bytes of it; see dispatch_wants_refresh(). */
+/* Whether a receiver needs a picture to begin with, and the bytes of it; see stream_tx_wants_refresh(). */
 bool post_wants_refresh(struct post *post, size_t *whole);
 
 /*
  * Hand over the packets of an encoded frame, number `frame` of the stream, which was written at `written`. Its first
  * packet goes out before the call returns. False if there is no room: then no packet of it is taken.
  */
-bool post_frame(struct post *post, uint16_t frame, int64_t written, const struct dispatch_packet *packets,
+bool post_frame(struct post *post, uint16_t frame, int64_t written, const struct stream_tx_packet *packets,
                 unsigned count);
 
-/* Whether another packet of this stream may go out, `size` bytes with IP and UDP headers; see dispatch_other(). */
+/* Whether another packet of this stream may go out, `size` bytes with IP and UDP headers; see stream_tx_other(). */
 bool post_other(struct post *post, size_t size);
 
 /* Outcomes of frames since the last call; each frame that post_frame() accepted appears once. */
 struct post_outcome post_collect(struct post *post);
 
-/* A copy of the counters of dispatch.h, of the reports (feedback.h) and of the outlet. */
-void post_counts(struct post *post, uint64_t dispatch[DISPATCH_COUNTS], uint64_t feedback[FEEDBACK_COUNTS],
+/* A copy of the counters of stream_tx.h, of the reports (feedback.h) and of the outlet. */
+void post_counts(struct post *post, uint64_t tx[STREAM_TX_COUNTS], uint64_t feedback[FEEDBACK_COUNTS],
                  struct outlet *outlet);
 
 /* Loss of the worst receiver, and lost packets in sequence: feedback_losses(). */

@@ -138,46 +138,46 @@ static bool send_frame(struct sender *sender, const struct encoded *encoded, con
 }
 
 /* Once a second. */
-static void measure_rate(struct sender_rate *rate, const uint64_t dispatch[DISPATCH_COUNTS], int64_t now) {
-    uint64_t bytes = dispatch[DISPATCH_BYTES], media = dispatch[DISPATCH_SENT], repairs = dispatch[DISPATCH_REPAIRS];
+static void measure_rate(struct sender_rate *rate, const uint64_t tx[STREAM_TX_COUNTS], int64_t now) {
+    uint64_t bytes = tx[STREAM_TX_BYTES], media = tx[STREAM_TX_SENT], repairs = tx[STREAM_TX_REPAIRS];
     int64_t passed = now - rate->begin;
 
     if (passed < SECOND)
         return;
     *rate = (struct sender_rate){
         .kbit = (bytes - rate->bytes) * 8 * (SECOND / 1000) / (uint64_t)passed,
-        .video = (dispatch[DISPATCH_MEDIA_BYTES] - rate->media_bytes) * 8 * (SECOND / 1000) / (uint64_t)passed,
+        .video = (tx[STREAM_TX_MEDIA_BYTES] - rate->media_bytes) * 8 * (SECOND / 1000) / (uint64_t)passed,
         .percent = media > rate->media ? (repairs - rate->repairs) * 100 / (media - rate->media) : 0,
         .begin = now,
         .bytes = bytes,
-        .media_bytes = dispatch[DISPATCH_MEDIA_BYTES],
+        .media_bytes = tx[STREAM_TX_MEDIA_BYTES],
         .media = media,
         .repairs = repairs};
 }
 
 static void show_counts(struct sender *sender) {
-    uint64_t dispatch[DISPATCH_COUNTS], feedback[FEEDBACK_COUNTS];
+    uint64_t tx[STREAM_TX_COUNTS], feedback[FEEDBACK_COUNTS];
     double loss, run;
 
     post_losses(&sender->post, &loss, &run);
-    post_counts(&sender->post, dispatch, feedback, &sender->sent);
+    post_counts(&sender->post, tx, feedback, &sender->sent);
     const struct outlet *outlet = &sender->sent;
-    measure_rate(&sender->rate, dispatch, ddx_time_now());
+    measure_rate(&sender->rate, tx, ddx_time_now());
     const uint64_t now[SENDER_COUNTS] = {outlet->packets,
                                          outlet->bytes,
                                          outlet->lost[OUTLET_BUSY],
                                          outlet->lost[OUTLET_ROUTE],
                                          outlet->lost[OUTLET_OTHER],
-                                         dispatch[DISPATCH_SENT],
-                                         dispatch[DISPATCH_REPAIRS],
-                                         dispatch[DISPATCH_BYTES],
+                                         tx[STREAM_TX_SENT],
+                                         tx[STREAM_TX_REPAIRS],
+                                         tx[STREAM_TX_BYTES],
                                          feedback[FEEDBACK_RECEIVED],
                                          feedback[FEEDBACK_RECEIVED] - feedback[FEEDBACK_USED],
                                          sender->wanted,
                                          sender->ts.outlet.packets,
                                          sender->ts.lost,
-                                         dispatch[DISPATCH_OTHERS],
-                                         dispatch[DISPATCH_OTHERS_LOST],
+                                         tx[STREAM_TX_OTHERS],
+                                         tx[STREAM_TX_OTHERS_LOST],
                                          sender->rate.kbit,
                                          sender->rate.percent,
                                          sender->rate.video,
@@ -221,7 +221,7 @@ static int64_t interval_of(const struct ddxvideo_geometry *geometry) {
 
 static struct encoder_settings encoder_settings(const struct sender *sender) {
     /* MPEG-4's encoder makes frames for this rate, and follows a lower one only partly. */
-    long most = (long)((double)sender->wire * DISPATCH_VIDEO);
+    long most = (long)((double)sender->wire * STREAM_TX_VIDEO);
     long bitrate = !sender->bitrate ? most : sender->bitrate < sender->wire ? sender->bitrate : sender->wire;
 
     return (struct encoder_settings){.type = sender->type, .bitrate = bitrate * 1000, .fast = sender->fast};
@@ -372,15 +372,15 @@ static void send_all(struct sender *sender) {
 /* ---- Start and end ---- */
 
 static int start_post(struct sender *sender) {
-    struct dispatch_settings settings = {.wire = sender->wire * 1000,
-                                         .video = sender->bitrate * 1000,
-                                         .interval = FRAME_INTERVAL,
-                                         .repair = sender->repairs,
-                                         .ratio = sender->ratio,
-                                         .others = sender->ts.port ? TS_PART : 0,
-                                         .media_ssrc = sender->ssrc,
-                                         .repair_ssrc = (uint32_t)program_random(),
-                                         .repair_sequence = (uint16_t)program_random()};
+    struct stream_tx_settings settings = {.wire = sender->wire * 1000,
+                                          .video = sender->bitrate * 1000,
+                                          .interval = FRAME_INTERVAL,
+                                          .repair = sender->repairs,
+                                          .ratio = sender->ratio,
+                                          .others = sender->ts.port ? TS_PART : 0,
+                                          .media_ssrc = sender->ssrc,
+                                          .repair_ssrc = (uint32_t)program_random(),
+                                          .repair_sequence = (uint16_t)program_random()};
 
     for (unsigned i = 0; i < sender->outlet.receivers; i++) {
         size_t header = network_overhead(&sender->outlet.receiver[i]);

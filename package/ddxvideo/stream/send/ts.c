@@ -33,7 +33,7 @@ static int send_packet(void *opaque, BYTES *data, int size) {
         return AVERROR(EINVAL);
     memcpy(packet + length, data, (size_t)size);
     length += (size_t)size;
-    if (!post_other(ts->post, length + ts->post->dispatch.settings.header)) {
+    if (!post_other(ts->post, length + ts->post->tx.settings.header)) {
         ts->lost += ts->outlet.receivers;
         return size;
     }

@@ -1,6 +1,6 @@
 /* SPDX-License-Identifier: GPL-2.0-or-later */
 /* The sender's rules one by one: budget, order, invalid reports. ddxvideo_repair_sim.c measures their effect. */
-#include "dispatch.h"
+#include "stream_tx.h"
 
 #include <errno.h>
 
@@ -13,70 +13,70 @@
 #define HEADER 28
 #define INTERVAL (40 * MS)
 
-static struct dispatch dispatch;
+static struct stream_tx tx;
 static int64_t now;
 static uint16_t sequence, frame;
 static uint8_t loss; /* that reports contain */
 
 static void begin(int64_t wire) {
-    struct dispatch_settings settings = {.wire = wire,
-                                         .video = wire,
-                                         .interval = INTERVAL,
-                                         .header = HEADER,
-                                         .repair = true,
-                                         .media_ssrc = SSRC,
-                                         .repair_ssrc = 8,
-                                         .repair_sequence = 65535};
+    struct stream_tx_settings settings = {.wire = wire,
+                                          .video = wire,
+                                          .interval = INTERVAL,
+                                          .header = HEADER,
+                                          .repair = true,
+                                          .media_ssrc = SSRC,
+                                          .repair_ssrc = 8,
+                                          .repair_sequence = 65535};
 
     now = 5000 * MS;
     sequence = 65534;
     frame = 0;
-    dispatch_init(&dispatch, &settings, now);
+    stream_tx_init(&tx, &settings, now);
 }
 
 static void write_frame(unsigned count, size_t size) {
     static uint8_t data[300][RTP_PACKET_MAX];
-    struct dispatch_packet packets[300];
+    struct stream_tx_packet packets[300];
 
     for (unsigned i = 0; i < count; i++) {
         struct rtp_packet packet = {.type = RTP_H264, .marker = i + 1 == count, .sequence = sequence++, .ssrc = SSRC};
         rtp_write(data[i], &packet);
-        packets[i] = (struct dispatch_packet){data[i], size};
+        packets[i] = (struct stream_tx_packet){data[i], size};
     }
-    dispatch_frame(&dispatch, now, frame++, packets, count);
+    stream_tx_frame(&tx, now, frame++, packets, count);
 }
 
 /* How many packets are due now, on each port. */
 static void expect(unsigned media, unsigned repairs) {
     uint8_t data[REPAIR_MAX];
     unsigned sent[2] = {0};
-    enum dispatch_port port;
+    enum stream_tx_port port;
     size_t size;
 
-    while (dispatch_next(&dispatch, now, data, &size, &port))
+    while (stream_tx_next(&tx, now, data, &size, &port))
         sent[port]++;
-    CHECK_EQUAL(sent[DISPATCH_MEDIA], media);
-    CHECK_EQUAL(sent[DISPATCH_REPAIR], repairs);
-    CHECK(dispatch_deadline(&dispatch, now) > now);
+    CHECK_EQUAL(sent[STREAM_TX_MEDIA], media);
+    CHECK_EQUAL(sent[STREAM_TX_REPAIR], repairs);
+    CHECK(stream_tx_deadline(&tx, now) > now);
 }
 
 /* Send all packets that are due within this time. */
 static void run(int64_t time, unsigned media, unsigned repairs) {
-    uint64_t media_before = dispatch.count[DISPATCH_SENT], repairs_before = dispatch.count[DISPATCH_REPAIRS];
+    uint64_t media_before = tx.count[STREAM_TX_SENT], repairs_before = tx.count[STREAM_TX_REPAIRS];
     int64_t end = now + time, next;
     uint8_t data[REPAIR_MAX];
-    enum dispatch_port port;
+    enum stream_tx_port port;
     size_t size;
 
     for (; now <= end; now = next) {
-        while (dispatch_next(&dispatch, now, data, &size, &port))
+        while (stream_tx_next(&tx, now, data, &size, &port))
             ;
-        next = dispatch_deadline(&dispatch, now);
+        next = stream_tx_deadline(&tx, now);
         CHECK(next > now);
     }
     now = end;
-    CHECK_EQUAL(dispatch.count[DISPATCH_SENT] - media_before, media);
-    CHECK_EQUAL(dispatch.count[DISPATCH_REPAIRS] - repairs_before, repairs);
+    CHECK_EQUAL(tx.count[STREAM_TX_SENT] - media_before, media);
+    CHECK_EQUAL(tx.count[STREAM_TX_REPAIRS] - repairs_before, repairs);
 }
 
 static void report_as(uint32_t reporter, uint64_t address, uint16_t highest, uint16_t base, uint16_t missing,
@@ -89,11 +89,11 @@ static void report_as(uint32_t reporter, uint64_t address, uint16_t highest, uin
                             .missing = missing,
                             .age = age,
                             .loss = loss};
-    uint64_t before = dispatch.feedback.count[expected];
+    uint64_t before = tx.feedback.count[expected];
     uint8_t data[REPORT_MAX];
 
-    dispatch_report(&dispatch, now, data, report_write(data, &report), address);
-    CHECK_EQUAL(dispatch.feedback.count[expected] - before, 1);
+    stream_tx_report(&tx, now, data, report_write(data, &report), address);
+    CHECK_EQUAL(tx.feedback.count[expected] - before, 1);
 }
 
 static void report(uint16_t highest, uint16_t base, uint16_t missing, int64_t age) {
@@ -113,12 +113,12 @@ static void check_pacing(void) {
     now += INTERVAL;
     write_frame(3, 1000);
     expect(3, 0);
-    CHECK_EQUAL(dispatch_deadline(&dispatch, now), INT64_MAX);
+    CHECK_EQUAL(stream_tx_deadline(&tx, now), INT64_MAX);
     now += INTERVAL;
     write_frame(5, 1000);
     expect(3, 0);
     run(2 * MS, 2, 0);
-    CHECK_EQUAL(dispatch_deadline(&dispatch, now), INT64_MAX);
+    CHECK_EQUAL(stream_tx_deadline(&tx, now), INT64_MAX);
 }
 
 /* A frame after a waiting one also sends three packets at once, and no more. */
@@ -134,28 +134,28 @@ static void check_burst_of_waiting_frames(void) {
 
 static void check_queue(void) {
     begin(10000000);
-    write_frame(DISPATCH_QUEUE + 5, 100);
+    write_frame(STREAM_TX_QUEUE + 5, 100);
     write_frame(1, RTP_PACKET_MAX + 1);
-    CHECK_EQUAL(dispatch.count[DISPATCH_DROPPED], 6);
-    run(1000 * MS, DISPATCH_QUEUE, 0);
-    CHECK_EQUAL(dispatch.count[DISPATCH_PACKETS], DISPATCH_QUEUE + 6);
+    CHECK_EQUAL(tx.count[STREAM_TX_DROPPED], 6);
+    run(1000 * MS, STREAM_TX_QUEUE, 0);
+    CHECK_EQUAL(tx.count[STREAM_TX_PACKETS], STREAM_TX_QUEUE + 6);
 }
 
 /* Packets beyond the budget wait, and until then no other frame is accepted. */
 static void check_budget(void) {
     begin(80000);
-    CHECK(dispatch_allowance(&dispatch, now) > 0);
+    CHECK(stream_tx_allowance(&tx, now) > 0);
     write_frame(20, 1000);
     run(INTERVAL, 1, 0); /* half the bucket is 1500 bytes */
-    CHECK_EQUAL(dispatch_allowance(&dispatch, now), 0);
-    CHECK(!dispatch_other(&dispatch, now, 1000));
+    CHECK_EQUAL(stream_tx_allowance(&tx, now), 0);
+    CHECK(!stream_tx_other(&tx, now, 1000));
     run(2100 * MS, 19, 0); /* 20,560 bytes are 2,056 ms, and half the bucket was there */
-    CHECK_EQUAL(dispatch.count[DISPATCH_BYTES], 20 * (1000 + HEADER));
+    CHECK_EQUAL(tx.count[STREAM_TX_BYTES], 20 * (1000 + HEADER));
     run(1000 * MS, 0, 0);
-    CHECK(dispatch_other(&dispatch, now, 1000 + HEADER));
-    CHECK_EQUAL(dispatch.count[DISPATCH_BYTES], 21 * (1000 + HEADER));
-    CHECK_EQUAL(dispatch.count[DISPATCH_OTHERS], 1);
-    CHECK_EQUAL(dispatch.count[DISPATCH_OTHERS_LOST], 1);
+    CHECK(stream_tx_other(&tx, now, 1000 + HEADER));
+    CHECK_EQUAL(tx.count[STREAM_TX_BYTES], 21 * (1000 + HEADER));
+    CHECK_EQUAL(tx.count[STREAM_TX_OTHERS], 1);
+    CHECK_EQUAL(tx.count[STREAM_TX_OTHERS_LOST], 1);
 }
 
 /* A sending thread that comes late, on a busy machine, costs no frame: what waits is due, and sent at once. */
@@ -163,25 +163,25 @@ static void check_late_thread(void) {
     begin(10000000);
     write_frame(10, 1000);
     now += INTERVAL;
-    CHECK(dispatch_allowance(&dispatch, now) > 0);
+    CHECK(stream_tx_allowance(&tx, now) > 0);
     expect(3, 0);
 }
 
 /* Frames leave room for other packets: first the size announced in advance, then the real one. */
 static void check_others(void) {
     begin(400000);
-    size_t alone = dispatch_allowance(&dispatch, now);
-    dispatch.settings.others = 1;
-    CHECK(dispatch_allowance(&dispatch, now) < alone * 6 / 10);
+    size_t alone = stream_tx_allowance(&tx, now);
+    tx.settings.others = 1;
+    CHECK(stream_tx_allowance(&tx, now) < alone * 6 / 10);
     for (int i = 0; i < 250; i++, now += INTERVAL) {
-        size_t allowed = dispatch_allowance(&dispatch, now);
+        size_t allowed = stream_tx_allowance(&tx, now);
         CHECK(allowed > 0);
         write_frame(1, allowed);
         expect(1, 0);
-        CHECK(dispatch_other(&dispatch, now, 2 * allowed));
+        CHECK(stream_tx_other(&tx, now, 2 * allowed));
     }
-    CHECK_EQUAL(dispatch.count[DISPATCH_OTHERS], 250);
-    CHECK(dispatch.count[DISPATCH_BYTES] <= 400000 / 8 * 10);
+    CHECK_EQUAL(tx.count[STREAM_TX_OTHERS], 250);
+    CHECK(tx.count[STREAM_TX_BYTES] <= 400000 / 8 * 10);
 }
 
 /* Three packets across the wrap, round trip 5 ms; the last one is lost, then its repair packet as well. */
@@ -213,7 +213,7 @@ static void check_answer(void) {
 /* In an outage only probes are sent; all that is missing follows when a probe has arrived. */
 static void check_outage(void) {
     uint8_t data[REPAIR_MAX];
-    enum dispatch_port port;
+    enum stream_tx_port port;
     size_t size;
 
     begin(1000000);
@@ -224,11 +224,11 @@ static void check_outage(void) {
     run(20 * MS, 8, 0);
     report(65534, 65535, 0, 20 * MS);
     for (unsigned i = 0; i < 3; i++, now += MS) {
-        CHECK(dispatch_next(&dispatch, now, data, &size, &port));
-        CHECK(port == DISPATCH_REPAIR && size == REPAIR_HEADER);
+        CHECK(stream_tx_next(&tx, now, data, &size, &port));
+        CHECK(port == STREAM_TX_REPAIR && size == REPAIR_HEADER);
     }
     expect(0, 0);
-    CHECK(dispatch.feedback.reporter[0].deficit.needed == 8);
+    CHECK(tx.feedback.reporter[0].deficit.needed == 8);
     now += 5 * MS;
     struct report arrived = {.reporter = 1,
                              .media = SSRC,
@@ -237,10 +237,10 @@ static void check_outage(void) {
                              .base = 65535,
                              .has_repair = true,
                              .highest_repair = 1};
-    dispatch_report(&dispatch, now, data, report_write(data, &arrived), 1);
-    uint64_t bytes = dispatch.count[DISPATCH_BYTES];
+    stream_tx_report(&tx, now, data, report_write(data, &arrived), 1);
+    uint64_t bytes = tx.count[STREAM_TX_BYTES];
     run(20 * MS, 0, 8);
-    CHECK(dispatch.count[DISPATCH_BYTES] - bytes >= 8 * 500);
+    CHECK(tx.count[STREAM_TX_BYTES] - bytes >= 8 * 500);
 }
 
 static void check_reports_that_do_not_count(void) {
@@ -255,7 +255,7 @@ static void check_reports_that_do_not_count(void) {
     report_as(1, 1, 65535, 0, 0, 20 * MS, FEEDBACK_USED);
     report_as(1, 1, 65535, 65535, 1, 10 * MS, FEEDBACK_STALE); /* older than the one before */
     expect(0, 0);
-    dispatch.feedback.media++;
+    tx.feedback.media++;
     report_as(1, 1, 65535, 65535, 1, 30 * MS, FEEDBACK_GARBAGE); /* of another stream */
 }
 
@@ -309,21 +309,21 @@ static void check_reports_beyond_the_newest_packet(void) {
     report.base = (uint16_t)(sequence - 1); /* the last one is missing, and 128 more */
     report.highest = (uint16_t)(sequence - 1 + REPORT_AHEAD);
     report.missing = REPORT_AHEAD + 1;
-    dispatch_report(&dispatch, now, data, report_write(data, &report), 1);
-    CHECK_EQUAL(dispatch.feedback.count[FEEDBACK_USED], 1);
+    stream_tx_report(&tx, now, data, report_write(data, &report), 1);
+    CHECK_EQUAL(tx.feedback.count[FEEDBACK_USED], 1);
     expect(0, 1);
 }
 
 /* Frames of one packet, each of which arrives at once; with or without a report. */
 static void pass_frames(unsigned count, bool reported) {
     uint8_t data[REPAIR_MAX];
-    enum dispatch_port port;
+    enum stream_tx_port port;
     size_t size;
 
     for (unsigned i = 0; i < count; i++, now += INTERVAL) {
         write_frame(1, 500);
         for (int64_t until = now + INTERVAL / 2; now < until; now += MS)
-            while (dispatch_next(&dispatch, now, data, &size, &port))
+            while (stream_tx_next(&tx, now, data, &size, &port))
                 ;
         if (reported)
             report((uint16_t)(sequence - 1), sequence, 0, INTERVAL / 2);
@@ -335,9 +335,9 @@ static void pass_frames(unsigned count, bool reported) {
  * losses when its reports stopped. */
 static void check_advance_beside_calm_reporters(void) {
     begin(1000000);
-    dispatch.settings.ratio = 1;
+    tx.settings.ratio = 1;
     pass_frames(50, true);
-    CHECK(dispatch.count[DISPATCH_REPAIRS] >= 50);
+    CHECK(tx.count[STREAM_TX_REPAIRS] >= 50);
 
     begin(1000000);
     loss = 77;
@@ -346,9 +346,9 @@ static void check_advance_beside_calm_reporters(void) {
     report_as(2, 2, (uint16_t)(sequence - 1), sequence, 0, INTERVAL / 2, FEEDBACK_USED);
     loss = 0;
     pass_frames(50, true);
-    uint64_t before = dispatch.count[DISPATCH_REPAIRS];
+    uint64_t before = tx.count[STREAM_TX_REPAIRS];
     pass_frames(50, true);
-    CHECK(dispatch.count[DISPATCH_REPAIRS] - before >= 60); /* for a loss of 30 % */
+    CHECK(tx.count[STREAM_TX_REPAIRS] - before >= 60); /* for a loss of 30 % */
 }
 
 /* Repair without reports follows the loss of the last ten seconds, not only of the last two. */
@@ -359,9 +359,9 @@ static void check_loss_memory(void) {
     loss = 8;
     pass_frames(1, true);
     now += FEEDBACK_GONE;
-    uint64_t before = dispatch.count[DISPATCH_REPAIRS];
+    uint64_t before = tx.count[STREAM_TX_REPAIRS];
     pass_frames(40, false);
-    uint64_t repairs = dispatch.count[DISPATCH_REPAIRS] - before;
+    uint64_t repairs = tx.count[STREAM_TX_REPAIRS] - before;
     CHECK(repairs >= 73 && repairs <= 75); /* 0.35 + 5 * 0.3 for each, and one more for each 64 */
     loss = 0;
 }
@@ -373,15 +373,15 @@ static void check_refresh(void) {
     size_t size = report_write(data, &report), whole;
 
     begin(1000000);
-    CHECK(!dispatch_wants_refresh(&dispatch, now, &whole));
+    CHECK(!stream_tx_wants_refresh(&tx, now, &whole));
     for (int i = 0; i < 9; i++) {
-        dispatch_report(&dispatch, now, data, size, 1);
-        dispatch_report(&dispatch, now, data, size, 2);
-        CHECK(dispatch_wants_refresh(&dispatch, now, &whole) && (whole > 0) == (i % 4 == 0));
-        CHECK(whole <= (size_t)budget_tokens(&dispatch.budget, now) / 2);
-        dispatch_report(&dispatch, now, data, size, 1);
+        stream_tx_report(&tx, now, data, size, 1);
+        stream_tx_report(&tx, now, data, size, 2);
+        CHECK(stream_tx_wants_refresh(&tx, now, &whole) && (whole > 0) == (i % 4 == 0));
+        CHECK(whole <= (size_t)budget_tokens(&tx.budget, now) / 2);
+        stream_tx_report(&tx, now, data, size, 1);
         now += 999 * MS;
-        CHECK(!dispatch_wants_refresh(&dispatch, now, &whole));
+        CHECK(!stream_tx_wants_refresh(&tx, now, &whole));
         now += MS;
     }
 }

@@ -4,56 +4,56 @@
  * repair packets. No sockets, no codec, no clock. The input is not trusted.
  *
  * Packets after a missing packet wait for it. While the sender sends repair packets, they wait as long as it can be
- * restored: until it is further back than the sender's window of frames or than REORDER_PACKETS, or for INTAKE_REPAIR.
- * Without repair they wait for `patience`. Then the missing packet is given up, and counts as lost.
+ * restored: until it is further back than the sender's window of frames or than REORDER_PACKETS, or for
+ * STREAM_RX_REPAIR. Without repair they wait for `patience`. Then the missing packet is given up, and counts as lost.
  *
  * The source (SSRC) heard first is followed. Another source takes its place if the first one was silent for
- * INTAKE_SILENCE or has sent only one packet, and the new one has sent two consecutive packets. So a restarted sender
- * is followed from its first packet on, and a second stream on the same port never takes over.
+ * STREAM_RX_SILENCE or has sent only one packet, and the new one has sent two consecutive packets. So a restarted
+ * sender is followed from its first packet on, and a second stream on the same port never takes over.
  */
-#ifndef DDXVIDEO_INTAKE_H
-#define DDXVIDEO_INTAKE_H
+#ifndef DDXVIDEO_STREAM_RX_H
+#define DDXVIDEO_STREAM_RX_H
 
 #include "assembly.h"
 #include "reorder.h"
 #include "restore.h"
 
-#define INTAKE_SILENCE INT64_C(400000000) /* ns */
-#define INTAKE_REPAIR INT64_C(1000000000) /* ns that a packet waits for a missing one that may be restored */
-#define INTAKE_QUEUE 64                   /* kept packets of a possible successor */
+#define STREAM_RX_SILENCE INT64_C(400000000) /* ns */
+#define STREAM_RX_REPAIR INT64_C(1000000000) /* ns that a packet waits for a missing one that may be restored */
+#define STREAM_RX_QUEUE 64                   /* kept packets of a possible successor */
 
 /*
  * Counts of datagrams: received + restored = used + late + duplicate + foreign + garbage (+ those that still wait).
  * Repair packets: repair_received = restored + repair_refused + repair_useless + repair_expired + repair_corrupt (+
  * those that still wait); see restore.h.
  */
-enum intake_count {
-    INTAKE_RECEIVED,
-    INTAKE_BYTES,
-    INTAKE_USED,      /* went into a frame */
-    INTAKE_LOST,      /* numbers missing in the count: lost or too late */
-    INTAKE_LATE,      /* came after they were given up; still counted as lost */
-    INTAKE_DUPLICATE, /* came twice */
-    INTAKE_REORDERED, /* came after a later packet, but in time; they were used */
-    INTAKE_FOREIGN,   /* other payload types, other sources */
-    INTAKE_GARBAGE,   /* not RTP, or an invalid payload */
-    INTAKE_SOURCES,   /* sources followed so far */
-    INTAKE_RESTORED,  /* missing, and restored from repair packets */
-    INTAKE_REPAIR_RECEIVED,
-    INTAKE_REPAIR_REFUSED,
-    INTAKE_REPAIR_USELESS,
-    INTAKE_REPAIR_EXPIRED,
-    INTAKE_REPAIR_CORRUPT,
-    INTAKE_REPAIR_WRONG, /* restored packets that arrived later with other contents */
-    INTAKE_COUNTS
+enum stream_rx_count {
+    STREAM_RX_RECEIVED,
+    STREAM_RX_BYTES,
+    STREAM_RX_USED,      /* went into a frame */
+    STREAM_RX_LOST,      /* numbers missing in the count: lost or too late */
+    STREAM_RX_LATE,      /* came after they were given up; still counted as lost */
+    STREAM_RX_DUPLICATE, /* came twice */
+    STREAM_RX_REORDERED, /* came after a later packet, but in time; they were used */
+    STREAM_RX_FOREIGN,   /* other payload types, other sources */
+    STREAM_RX_GARBAGE,   /* not RTP, or an invalid payload */
+    STREAM_RX_SOURCES,   /* sources followed so far */
+    STREAM_RX_RESTORED,  /* missing, and restored from repair packets */
+    STREAM_RX_REPAIR_RECEIVED,
+    STREAM_RX_REPAIR_REFUSED,
+    STREAM_RX_REPAIR_USELESS,
+    STREAM_RX_REPAIR_EXPIRED,
+    STREAM_RX_REPAIR_CORRUPT,
+    STREAM_RX_REPAIR_WRONG, /* restored packets that arrived later with other contents */
+    STREAM_RX_COUNTS
 };
-#define INTAKE_NAMES                                                                                           \
+#define STREAM_RX_NAMES                                                                                        \
     "received", "bytes", "used", "lost", "late", "duplicate", "reordered", "foreign", "garbage", "sources",    \
         "restored", "repair_received", "repair_refused", "repair_useless", "repair_expired", "repair_corrupt", \
         "repair_wrong"
 
-struct intake {
-    uint64_t count[INTAKE_COUNTS];
+struct stream_rx {
+    uint64_t count[STREAM_RX_COUNTS];
     int64_t patience;
     bool repairs; /* wait for a missing packet as long as it can be restored */
     /* the source that is followed: */
@@ -79,30 +79,30 @@ struct intake {
     /* last, since they are large: packets of the source that is followed, and of the other one */
     struct restore restore;
     struct reorder reorder;
-    struct reorder_slot queue[INTAKE_QUEUE];
+    struct reorder_slot queue[STREAM_RX_QUEUE];
 };
 
 /* `patience`: ns that a packet waits for a missing one before it; `repairs`: longer if that one may be restored. */
-void intake_init(struct intake *intake, int64_t patience, bool repairs);
-void intake_free(struct intake *intake);
+void stream_rx_init(struct stream_rx *rx, int64_t patience, bool repairs);
+void stream_rx_free(struct stream_rx *rx);
 
 /*
  * Add a datagram; then take all frames before the next call. True if it is a packet of the followed source, and neither
  * late nor a duplicate.
  */
-bool intake_put(struct intake *intake, const uint8_t *data, size_t size, int64_t now);
+bool stream_rx_put(struct stream_rx *rx, const uint8_t *data, size_t size, int64_t now);
 
 /* The same for a datagram of the port for repair packets. True if it is a repair packet of the followed source. */
-bool intake_put_repair(struct intake *intake, const uint8_t *data, size_t size);
+bool stream_rx_put_repair(struct stream_rx *rx, const uint8_t *data, size_t size);
 
 /* The next frame, if there is one. */
-bool intake_take(struct intake *intake, int64_t now, struct assembly_frame *frame);
+bool stream_rx_take(struct stream_rx *rx, int64_t now, struct assembly_frame *frame);
 
-/* Like intake_take(), at the end: does not wait for missing packets, and returns a frame without its last packet as
+/* Like stream_rx_take(), at the end: does not wait for missing packets, and returns a frame without its last packet as
  * well. */
-bool intake_take_last(struct intake *intake, struct assembly_frame *frame);
+bool stream_rx_take_last(struct stream_rx *rx, struct assembly_frame *frame);
 
-/* The time at which intake_take() can return a frame without a new datagram; INT64_MAX: never. */
-int64_t intake_deadline(const struct intake *intake);
+/* The time at which stream_rx_take() can return a frame without a new datagram; INT64_MAX: never. */
+int64_t stream_rx_deadline(const struct stream_rx *rx);
 
 #endif

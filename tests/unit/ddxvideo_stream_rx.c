@@ -1,6 +1,6 @@
 /* SPDX-License-Identifier: GPL-2.0-or-later */
 /* Datagrams to frames: order, loss, duplicates, other sources; the counters match what was done to the packets. */
-#include "intake.h"
+#include "stream_rx.h"
 
 #include "check.h"
 
@@ -53,19 +53,19 @@ static struct datagram make(struct source *source, uint32_t frame, unsigned inde
     return datagram;
 }
 
-static void put(struct intake *intake, const struct datagram *datagram) {
+static void put(struct stream_rx *rx, const struct datagram *datagram) {
     uint8_t *copy = malloc(datagram->size); /* so that a sanitizer sees a read beyond it */
     memcpy(copy, datagram->data, datagram->size);
-    intake_put(intake, copy, datagram->size, now);
+    stream_rx_put(rx, copy, datagram->size, now);
     free(copy);
 }
 
-static uint64_t count_of(const struct intake *intake, enum intake_count which) {
-    return intake->count[which];
+static uint64_t count_of(const struct stream_rx *rx, enum stream_rx_count which) {
+    return rx->count[which];
 }
 
 /* Sends frames of one packet in an order given by their numbers; returns the frames that come out, as a text. */
-static const char *play(struct intake *intake, struct source *source, const char *order) {
+static const char *play(struct stream_rx *rx, struct source *source, const char *order) {
     static char out[200];
     struct datagram datagrams[26];
     struct assembly_frame frame;
@@ -76,8 +76,8 @@ static const char *play(struct intake *intake, struct source *source, const char
         if (*order == ' ') /* time passes */
             now += PATIENCE;
         else if (*order != '.')
-            put(intake, &datagrams[*order - 'a']);
-        while (*order == '.' ? intake_take_last(intake, &frame) : intake_take(intake, now, &frame)) {
+            put(rx, &datagrams[*order - 'a']);
+        while (*order == '.' ? stream_rx_take_last(rx, &frame) : stream_rx_take(rx, now, &frame)) {
             char one[8];
             snprintf(one, sizeof(one), "%s%c", frame.damaged ? "!" : "", (char)('a' + frame.frame.number));
             strcat(out, one);
@@ -92,20 +92,20 @@ static const char *play(struct intake *intake, struct source *source, const char
 static void check_order(const char *order, const char *expected, unsigned lost, unsigned late, unsigned duplicate,
                         unsigned reordered) {
     for (int wrap = 0; wrap < 2; wrap++) { /* also across a wrap of the sequence numbers */
-        struct intake intake;
+        struct stream_rx rx;
         struct source source = {.ssrc = SSRC, .sequence = wrap ? 65533 : 100, .count = wrap ? 65530 : 0};
-        intake_init(&intake, PATIENCE, true);
-        const char *found = play(&intake, &source, order);
+        stream_rx_init(&rx, PATIENCE, true);
+        const char *found = play(&rx, &source, order);
         if (strcmp(found, expected))
             fprintf(stderr, "%s gives %s, not %s\n", order, found, expected);
         CHECK(!strcmp(found, expected));
-        CHECK_EQUAL(count_of(&intake, INTAKE_LOST), lost);
-        CHECK_EQUAL(count_of(&intake, INTAKE_LATE), late);
-        CHECK_EQUAL(count_of(&intake, INTAKE_DUPLICATE), duplicate);
-        CHECK_EQUAL(count_of(&intake, INTAKE_REORDERED), reordered);
-        CHECK_EQUAL(count_of(&intake, INTAKE_RECEIVED),
-                    count_of(&intake, INTAKE_USED) + late + duplicate + intake.reorder.waiting);
-        intake_free(&intake);
+        CHECK_EQUAL(count_of(&rx, STREAM_RX_LOST), lost);
+        CHECK_EQUAL(count_of(&rx, STREAM_RX_LATE), late);
+        CHECK_EQUAL(count_of(&rx, STREAM_RX_DUPLICATE), duplicate);
+        CHECK_EQUAL(count_of(&rx, STREAM_RX_REORDERED), reordered);
+        CHECK_EQUAL(count_of(&rx, STREAM_RX_RECEIVED),
+                    count_of(&rx, STREAM_RX_USED) + late + duplicate + rx.reorder.waiting);
+        stream_rx_free(&rx);
     }
 }
 
@@ -130,17 +130,17 @@ static void test_order(void) {
 /* Frames of several packets: a missing packet marks its own frame, and the next one if it was the last packet. */
 static void test_frames(void) {
     for (unsigned missing = 0; missing < 12; missing++) {
-        struct intake intake;
+        struct stream_rx rx;
         struct source source = {.ssrc = SSRC};
         struct assembly_frame frame;
         unsigned found = 0, damaged = 0, incomplete = 0, bytes = 0;
-        intake_init(&intake, PATIENCE, true);
+        stream_rx_init(&rx, PATIENCE, true);
         for (unsigned i = 0; i < 12; i++) {
             struct datagram datagram = make(&source, i / 4, i % 4, 4);
             if (i != missing)
-                put(&intake, &datagram);
+                put(&rx, &datagram);
             now += 2 * PATIENCE;
-            while (intake_take(&intake, now, &frame)) {
+            while (stream_rx_take(&rx, now, &frame)) {
                 CHECK_EQUAL(frame.frame.number, found);
                 CHECK_EQUAL(frame.frame.sequence, frame.has_source ? found + 1 : 0);
                 CHECK_EQUAL(frame.missing, 0);
@@ -153,8 +153,8 @@ static void test_frames(void) {
                 bytes += (unsigned)frame.size;
             }
         }
-        CHECK_EQUAL(found, missing == 11 ? 2 : 3);  /* the last frame may be incomplete */
-        while (intake_take_last(&intake, &frame)) { /* until the end */
+        CHECK_EQUAL(found, missing == 11 ? 2 : 3); /* the last frame may be incomplete */
+        while (stream_rx_take_last(&rx, &frame)) { /* until the end */
             CHECK_EQUAL(frame.frame.number, found);
             found++;
             damaged += frame.damaged;
@@ -165,25 +165,25 @@ static void test_frames(void) {
         CHECK(damaged >= 1);
         CHECK_EQUAL(incomplete, 1);
         CHECK_EQUAL(bytes, 11 * 7);
-        intake_free(&intake);
+        stream_rx_free(&rx);
     }
 }
 
 /* A frame whose first packet is missing has facts derived from an earlier one, and is marked so. */
 static void test_derived(void) {
-    struct intake intake;
+    struct stream_rx rx;
     struct source source = {.ssrc = SSRC, .count = 65534};
     struct assembly_frame frame;
-    intake_init(&intake, PATIENCE, true);
+    stream_rx_init(&rx, PATIENCE, true);
     for (uint32_t i = 10; i < 20; i++) {
         for (unsigned index = 0; index < 2; index++) {
             struct datagram datagram = make(&source, i, index, 2);
             bool lost = (index == 0 && (i < 13 || i % 3 == 0)) || i == 16; /* 16: all of it */
             if (!lost)
-                put(&intake, &datagram);
+                put(&rx, &datagram);
             now += MS;
         }
-        bool found = intake_take(&intake, now += PATIENCE, &frame);
+        bool found = stream_rx_take(&rx, now += PATIENCE, &frame);
         CHECK(found == (i != 16));
         if (!found)
             continue;
@@ -197,19 +197,19 @@ static void test_derived(void) {
         CHECK_EQUAL(frame.frame.sequence, i + 1);
         CHECK_EQUAL(frame.frame.capture, CAPTURE + i * 40 * MS);
     }
-    CHECK(!intake_take_last(&intake, &frame));
-    intake_free(&intake);
+    CHECK(!stream_rx_take_last(&rx, &frame));
+    stream_rx_free(&rx);
 }
 
 /* A seeded relay: the counters match its actions. */
 static void test_counts(void) {
     enum { PACKETS = 20000, QUEUE = 16 };
-    struct intake intake;
+    struct stream_rx rx;
     struct source source = {.ssrc = SSRC, .sequence = 60000}, foreign = {.ssrc = 0x2002};
     struct datagram queue[QUEUE];
     unsigned waiting = 0, dropped = 0, duplicated = 0, strangers = 0, garbage = 0, frames = 0, missing = 0;
     struct assembly_frame frame;
-    intake_init(&intake, PATIENCE, true);
+    stream_rx_init(&rx, PATIENCE, true);
     for (unsigned i = 0; i < PACKETS; i++, now += 3 * MS) {
         struct datagram datagram = make(&source, i / 2, i % 2, 2);
         bool quiet = i < 2 || i >= PACKETS - 100; /* a loss at the very end is not noticed */
@@ -219,160 +219,160 @@ static void test_counts(void) {
             queue[waiting++] = datagram; /* up to three later ones overtake it */
             continue;
         } else {
-            put(&intake, &datagram);
+            put(&rx, &datagram);
             if (!quiet && next_random(100) < 10) {
-                put(&intake, &datagram);
+                put(&rx, &datagram);
                 duplicated++;
             }
         }
         if (next_random(100) < 5) {
             datagram = make(&foreign, i, 0, 1);
-            put(&intake, &datagram);
+            put(&rx, &datagram);
             foreign.sequence += 7; /* no two that follow each other */
             strangers++;
         }
         if (next_random(100) < 5) {
             datagram.data[0] = (uint8_t)next_random(128); /* not version 2 */
-            put(&intake, &datagram);
+            put(&rx, &datagram);
             garbage++;
         }
         if (waiting == 3 || (waiting && (quiet || next_random(2))))
-            put(&intake, &queue[--waiting]);
-        while (intake_take(&intake, now, &frame)) {
+            put(&rx, &queue[--waiting]);
+        while (stream_rx_take(&rx, now, &frame)) {
             frames++;
             missing += frame.missing;
         }
     }
     CHECK(dropped > 3000 && duplicated > 1000 && strangers > 500 && garbage > 500);
-    CHECK_EQUAL(count_of(&intake, INTAKE_GARBAGE), garbage);
-    CHECK_EQUAL(count_of(&intake, INTAKE_FOREIGN), strangers);
-    CHECK_EQUAL(count_of(&intake, INTAKE_DUPLICATE), duplicated);
-    CHECK_EQUAL(count_of(&intake, INTAKE_LOST) - count_of(&intake, INTAKE_LATE), dropped);
-    CHECK(count_of(&intake, INTAKE_REORDERED) > 500);
-    CHECK_EQUAL(count_of(&intake, INTAKE_USED), PACKETS - count_of(&intake, INTAKE_LOST));
+    CHECK_EQUAL(count_of(&rx, STREAM_RX_GARBAGE), garbage);
+    CHECK_EQUAL(count_of(&rx, STREAM_RX_FOREIGN), strangers);
+    CHECK_EQUAL(count_of(&rx, STREAM_RX_DUPLICATE), duplicated);
+    CHECK_EQUAL(count_of(&rx, STREAM_RX_LOST) - count_of(&rx, STREAM_RX_LATE), dropped);
+    CHECK(count_of(&rx, STREAM_RX_REORDERED) > 500);
+    CHECK_EQUAL(count_of(&rx, STREAM_RX_USED), PACKETS - count_of(&rx, STREAM_RX_LOST));
     CHECK_EQUAL(frames + missing, PACKETS / 2);
-    CHECK_EQUAL(count_of(&intake, INTAKE_SOURCES), 1);
-    intake_free(&intake);
+    CHECK_EQUAL(count_of(&rx, STREAM_RX_SOURCES), 1);
+    stream_rx_free(&rx);
 }
 
-static unsigned send(struct intake *intake, struct source *source, uint32_t frame) {
+static unsigned send(struct stream_rx *rx, struct source *source, uint32_t frame) {
     struct datagram datagram = make(source, frame, 0, 1);
     struct assembly_frame out;
     unsigned found = 0;
-    put(intake, &datagram);
-    while (intake_take(intake, now, &out))
+    put(rx, &datagram);
+    while (stream_rx_take(rx, now, &out))
         found++;
     return found;
 }
 
 /* A restarted sender is followed from its first frame on; a second stream beside the present one never is. */
 static void test_sources(void) {
-    struct intake intake;
+    struct stream_rx rx;
     struct source one = {.ssrc = SSRC, .sequence = 7}, two = {.ssrc = 0x2002, .sequence = 9000}, three = {.ssrc = 3};
-    intake_init(&intake, PATIENCE, true);
+    stream_rx_init(&rx, PATIENCE, true);
     for (uint32_t i = 0; i < 100; i++, now += 40 * MS) {
-        CHECK_EQUAL(send(&intake, &one, i), 1);
-        CHECK_EQUAL(send(&intake, &two, i), 0);
+        CHECK_EQUAL(send(&rx, &one, i), 1);
+        CHECK_EQUAL(send(&rx, &two, i), 0);
     }
-    CHECK_EQUAL(intake.ssrc, SSRC);
-    CHECK_EQUAL(count_of(&intake, INTAKE_FOREIGN), 100);
-    now += INTAKE_SILENCE; /* the first one is silent */
-    CHECK_EQUAL(send(&intake, &three, 0), 0);
+    CHECK_EQUAL(rx.ssrc, SSRC);
+    CHECK_EQUAL(count_of(&rx, STREAM_RX_FOREIGN), 100);
+    now += STREAM_RX_SILENCE; /* the first one is silent */
+    CHECK_EQUAL(send(&rx, &three, 0), 0);
     now += MS;
-    CHECK_EQUAL(send(&intake, &three, 1), 2); /* with its first frame */
-    CHECK_EQUAL(intake.ssrc, 3);
-    CHECK_EQUAL(count_of(&intake, INTAKE_SOURCES), 2);
-    CHECK_EQUAL(count_of(&intake, INTAKE_FOREIGN), 100);
-    CHECK_EQUAL(count_of(&intake, INTAKE_LOST), 0);
-    CHECK_EQUAL(send(&intake, &one, 100), 0);
-    intake_free(&intake);
+    CHECK_EQUAL(send(&rx, &three, 1), 2); /* with its first frame */
+    CHECK_EQUAL(rx.ssrc, 3);
+    CHECK_EQUAL(count_of(&rx, STREAM_RX_SOURCES), 2);
+    CHECK_EQUAL(count_of(&rx, STREAM_RX_FOREIGN), 100);
+    CHECK_EQUAL(count_of(&rx, STREAM_RX_LOST), 0);
+    CHECK_EQUAL(send(&rx, &one, 100), 0);
+    stream_rx_free(&rx);
 
     /* A single stray packet at the start does not block the stream. */
-    intake_init(&intake, PATIENCE, true);
+    stream_rx_init(&rx, PATIENCE, true);
     one = (struct source){.ssrc = SSRC};
-    CHECK_EQUAL(send(&intake, &two, 0), 1);
-    CHECK_EQUAL(send(&intake, &one, 0), 0);
-    CHECK_EQUAL(send(&intake, &one, 1), 2);
-    CHECK_EQUAL(send(&intake, &one, 2), 1);
-    intake_free(&intake);
+    CHECK_EQUAL(send(&rx, &two, 0), 1);
+    CHECK_EQUAL(send(&rx, &one, 0), 0);
+    CHECK_EQUAL(send(&rx, &one, 1), 2);
+    CHECK_EQUAL(send(&rx, &one, 2), 1);
+    stream_rx_free(&rx);
 }
 
 /* A sender that restarts at once: all its frames are shown, once its former source counts as silent. */
 static void test_quick_restart(void) {
-    struct intake intake;
+    struct stream_rx rx;
     struct source one = {.ssrc = SSRC}, two = {.ssrc = 0x2002, .sequence = 65530}, stray = {.ssrc = 3};
     unsigned found = 0;
-    intake_init(&intake, PATIENCE, true);
+    stream_rx_init(&rx, PATIENCE, true);
     for (uint32_t i = 0; i < 5; i++, now += 40 * MS)
-        found += send(&intake, &one, i);
+        found += send(&rx, &one, i);
     for (uint32_t i = 0; i < 20; i++, now += 40 * MS) {
-        found += send(&intake, &two, i);
+        found += send(&rx, &two, i);
         CHECK(found == 5 || i >= 9);
         if (i % 3 == 1) {
-            CHECK_EQUAL(send(&intake, &stray, i), 0);
+            CHECK_EQUAL(send(&rx, &stray, i), 0);
             stray.ssrc++;
         }
     }
     CHECK_EQUAL(found, 5 + 20);
-    CHECK_EQUAL(count_of(&intake, INTAKE_LOST), 0);
-    CHECK_EQUAL(count_of(&intake, INTAKE_FOREIGN), 7);
+    CHECK_EQUAL(count_of(&rx, STREAM_RX_LOST), 0);
+    CHECK_EQUAL(count_of(&rx, STREAM_RX_FOREIGN), 7);
     /* A source that appeared and died does not block the next one. */
-    now += INTAKE_SILENCE / 2;
-    found = send(&intake, &stray, 1);
-    found += send(&intake, &stray, 2);
-    now += 2 * INTAKE_SILENCE;
+    now += STREAM_RX_SILENCE / 2;
+    found = send(&rx, &stray, 1);
+    found += send(&rx, &stray, 2);
+    now += 2 * STREAM_RX_SILENCE;
     for (uint32_t i = 0; i < 3; i++)
-        found += send(&intake, &one, i);
+        found += send(&rx, &one, i);
     CHECK_EQUAL(found, 3);
-    CHECK_EQUAL(intake.ssrc, SSRC);
-    intake_free(&intake);
+    CHECK_EQUAL(rx.ssrc, SSRC);
+    stream_rx_free(&rx);
 }
 
 /* Numbers from far away: one is a stray packet, two are a new place in the count. */
 static void test_jumps(void) {
     static const int jumps[] = {500, 5000, -5000, 30000, -30000};
     for (unsigned i = 0; i < sizeof(jumps) / sizeof(*jumps); i++) {
-        struct intake intake;
+        struct stream_rx rx;
         struct source source = {.ssrc = SSRC, .sequence = 20000};
-        intake_init(&intake, PATIENCE, true);
+        stream_rx_init(&rx, PATIENCE, true);
         for (uint32_t frame = 0; frame < 10; frame++)
-            CHECK_EQUAL(send(&intake, &source, frame), 1);
+            CHECK_EQUAL(send(&rx, &source, frame), 1);
         source.sequence = (uint16_t)(source.sequence + jumps[i]);
         unsigned found = 0;
         for (uint32_t frame = 10; frame < 20; frame++)
-            found += send(&intake, &source, frame);
+            found += send(&rx, &source, frame);
         CHECK(found >= 9);
         if (jumps[i] > 0)
-            CHECK_EQUAL(count_of(&intake, INTAKE_LOST) - count_of(&intake, INTAKE_LATE), jumps[i]);
-        intake_free(&intake);
+            CHECK_EQUAL(count_of(&rx, STREAM_RX_LOST) - count_of(&rx, STREAM_RX_LATE), jumps[i]);
+        stream_rx_free(&rx);
     }
 }
 
 /* One packet with our source's SSRC and a number from far away changes nothing. */
 static void test_stray(void) {
-    struct intake intake;
+    struct stream_rx rx;
     struct source source = {.ssrc = SSRC, .sequence = 20000}, stray = {.ssrc = SSRC, .sequence = 40000};
-    intake_init(&intake, PATIENCE, true);
+    stream_rx_init(&rx, PATIENCE, true);
     for (uint32_t frame = 0; frame < 20; frame++) {
-        CHECK_EQUAL(send(&intake, &source, frame), 1);
+        CHECK_EQUAL(send(&rx, &source, frame), 1);
         if (frame % 5 == 0) {
-            CHECK_EQUAL(send(&intake, &stray, 7), 0);
+            CHECK_EQUAL(send(&rx, &stray, 7), 0);
             stray.sequence += 3000;
         }
     }
-    CHECK_EQUAL(count_of(&intake, INTAKE_LOST), 0);
-    CHECK_EQUAL(count_of(&intake, INTAKE_LATE), 4);
-    intake_free(&intake);
+    CHECK_EQUAL(count_of(&rx, STREAM_RX_LOST), 0);
+    CHECK_EQUAL(count_of(&rx, STREAM_RX_LATE), 4);
+    stream_rx_free(&rx);
 }
 
 /* Other senders do not number frames. */
 static void test_plain(void) {
-    struct intake intake;
+    struct stream_rx rx;
     struct source source = {.ssrc = SSRC, .plain = true};
-    intake_init(&intake, PATIENCE, true);
+    stream_rx_init(&rx, PATIENCE, true);
     for (uint32_t i = 0; i < 10; i++)
-        CHECK_EQUAL(send(&intake, &source, i), 1);
-    intake_free(&intake);
+        CHECK_EQUAL(send(&rx, &source, i), 1);
+    stream_rx_free(&rx);
 }
 
 /* ---- Repair ---- */
@@ -385,7 +385,7 @@ struct pair {
     struct repair_window window;
     uint32_t esi; /* of the next packet */
     uint32_t frame;
-    struct intake intake;
+    struct stream_rx rx;
     unsigned came, damaged, incomplete, missing;
 };
 
@@ -399,13 +399,13 @@ static void begin_source(struct pair *pair, uint32_t ssrc, uint16_t sequence) {
 static struct pair *new_pair(uint16_t sequence, bool repairs) {
     struct pair *pair = calloc(1, sizeof(*pair));
     begin_source(pair, SSRC, sequence);
-    intake_init(&pair->intake, PATIENCE, repairs);
+    stream_rx_init(&pair->rx, PATIENCE, repairs);
     return pair;
 }
 
 static void take(struct pair *pair) {
     struct assembly_frame frame;
-    while (intake_take(&pair->intake, now, &frame)) {
+    while (stream_rx_take(&pair->rx, now, &frame)) {
         pair->came++;
         pair->damaged += frame.damaged;
         pair->incomplete += frame.incomplete;
@@ -419,7 +419,7 @@ static void send_frame(struct pair *pair, unsigned packets, unsigned lost) {
         struct datagram datagram = make(&pair->source, pair->frame, i, packets);
         CHECK_EQUAL(repair_window_add(&pair->window, pair->esi++, pair->source.count, datagram.data, datagram.size), 0);
         if (!(lost >> i & 1))
-            put(&pair->intake, &datagram);
+            put(&pair->rx, &datagram);
         take(pair);
     }
     pair->frame++;
@@ -431,7 +431,7 @@ static void send_repair(struct pair *pair) {
     size_t size = repair_make(&pair->window, pair->esi - REPAIR_PACKETS, data);
     uint8_t *copy = malloc(size);
     memcpy(copy, data, size);
-    intake_put_repair(&pair->intake, copy, size);
+    stream_rx_put_repair(&pair->rx, copy, size);
     free(copy);
     take(pair);
 }
@@ -439,24 +439,24 @@ static void send_repair(struct pair *pair) {
 static unsigned wanted(const struct pair *pair) {
     unsigned missing;
     uint16_t base, highest;
-    CHECK(restore_missing(&pair->intake.restore, &missing, &base, &highest));
+    CHECK(restore_missing(&pair->rx.restore, &missing, &base, &highest));
     return missing;
 }
 
 static void check_sums(const struct pair *pair) {
-    const struct intake *intake = &pair->intake;
-    CHECK_EQUAL(count_of(intake, INTAKE_RECEIVED) + count_of(intake, INTAKE_RESTORED),
-                count_of(intake, INTAKE_USED) + count_of(intake, INTAKE_LATE) + count_of(intake, INTAKE_DUPLICATE) +
-                    count_of(intake, INTAKE_FOREIGN) + count_of(intake, INTAKE_GARBAGE) + intake->reorder.waiting);
-    CHECK_EQUAL(count_of(intake, INTAKE_REPAIR_RECEIVED),
-                count_of(intake, INTAKE_RESTORED) + count_of(intake, INTAKE_REPAIR_REFUSED) +
-                    count_of(intake, INTAKE_REPAIR_USELESS) + count_of(intake, INTAKE_REPAIR_EXPIRED) +
-                    count_of(intake, INTAKE_REPAIR_CORRUPT) + intake->restore.rows);
+    const struct stream_rx *rx = &pair->rx;
+    CHECK_EQUAL(count_of(rx, STREAM_RX_RECEIVED) + count_of(rx, STREAM_RX_RESTORED),
+                count_of(rx, STREAM_RX_USED) + count_of(rx, STREAM_RX_LATE) + count_of(rx, STREAM_RX_DUPLICATE) +
+                    count_of(rx, STREAM_RX_FOREIGN) + count_of(rx, STREAM_RX_GARBAGE) + rx->reorder.waiting);
+    CHECK_EQUAL(count_of(rx, STREAM_RX_REPAIR_RECEIVED),
+                count_of(rx, STREAM_RX_RESTORED) + count_of(rx, STREAM_RX_REPAIR_REFUSED) +
+                    count_of(rx, STREAM_RX_REPAIR_USELESS) + count_of(rx, STREAM_RX_REPAIR_EXPIRED) +
+                    count_of(rx, STREAM_RX_REPAIR_CORRUPT) + rx->restore.rows);
 }
 
 static void end_pair(struct pair *pair) {
     check_sums(pair);
-    intake_free(&pair->intake);
+    stream_rx_free(&pair->rx);
     free(pair);
 }
 
@@ -482,14 +482,14 @@ static void test_restored(void) {
         CHECK_EQUAL(pair->came, 9);
         CHECK_EQUAL(wanted(pair), 0);
         CHECK_EQUAL(pair->damaged + pair->missing, 0);
-        CHECK_EQUAL(count_of(&pair->intake, INTAKE_RESTORED), 3);
-        CHECK_EQUAL(count_of(&pair->intake, INTAKE_LOST) + count_of(&pair->intake, INTAKE_REORDERED), 0);
-        put(&pair->intake, &late);
+        CHECK_EQUAL(count_of(&pair->rx, STREAM_RX_RESTORED), 3);
+        CHECK_EQUAL(count_of(&pair->rx, STREAM_RX_LOST) + count_of(&pair->rx, STREAM_RX_REORDERED), 0);
+        put(&pair->rx, &late);
         take(pair);
         send_repair(pair);
-        CHECK_EQUAL(count_of(&pair->intake, INTAKE_DUPLICATE), 1);
-        CHECK_EQUAL(count_of(&pair->intake, INTAKE_REPAIR_USELESS), 1);
-        CHECK_EQUAL(count_of(&pair->intake, INTAKE_REPAIR_WRONG), 0);
+        CHECK_EQUAL(count_of(&pair->rx, STREAM_RX_DUPLICATE), 1);
+        CHECK_EQUAL(count_of(&pair->rx, STREAM_RX_REPAIR_USELESS), 1);
+        CHECK_EQUAL(count_of(&pair->rx, STREAM_RX_REPAIR_WRONG), 0);
         send_frame(pair, 2, 0);
         CHECK_EQUAL(pair->came, 10);
         end_pair(pair);
@@ -523,7 +523,7 @@ static unsigned frames_until_given_up(struct pair *pair, unsigned packets, int64
     CHECK_EQUAL(pair->came, pair->came > 1 ? frames + 1 : 1);
     CHECK_EQUAL(pair->damaged, pair->came > 1); /* the first one after the gap, */
     CHECK_EQUAL(pair->incomplete, 0);           /* which is whole */
-    CHECK_EQUAL(count_of(&pair->intake, INTAKE_LOST), pair->came > 1 ? packets : 0);
+    CHECK_EQUAL(count_of(&pair->rx, STREAM_RX_LOST), pair->came > 1 ? packets : 0);
     return frames;
 }
 
@@ -539,8 +539,8 @@ static void test_give_up(void) {
         CHECK_EQUAL(frames_until_given_up(pair, cases[i].packets, cases[i].interval, 100), cases[i].frames);
         CHECK_EQUAL(wanted(pair), 0); /* no report asks for it */
         send_repair(pair);
-        CHECK_EQUAL(count_of(&pair->intake, INTAKE_REPAIR_RECEIVED), 1);
-        CHECK_EQUAL(count_of(&pair->intake, INTAKE_RESTORED), 0);
+        CHECK_EQUAL(count_of(&pair->rx, STREAM_RX_REPAIR_RECEIVED), 1);
+        CHECK_EQUAL(count_of(&pair->rx, STREAM_RX_RESTORED), 0);
         end_pair(pair);
     }
     /* Between frames, the deadline gives the next time to check. */
@@ -549,11 +549,11 @@ static void test_give_up(void) {
     send_frame(pair, 1, 1);
     int64_t since = now;
     send_frame(pair, 1, 0);
-    CHECK_EQUAL(intake_deadline(&pair->intake), since + INTAKE_REPAIR);
-    now = since + INTAKE_REPAIR;
+    CHECK_EQUAL(stream_rx_deadline(&pair->rx), since + STREAM_RX_REPAIR);
+    now = since + STREAM_RX_REPAIR;
     take(pair);
     CHECK_EQUAL(pair->came, 2);
-    CHECK_EQUAL(intake_deadline(&pair->intake), INT64_MAX);
+    CHECK_EQUAL(stream_rx_deadline(&pair->rx), INT64_MAX);
     end_pair(pair);
 }
 
@@ -568,7 +568,7 @@ static void test_patience(void) {
         CHECK_EQUAL(pair->came, 2);
         CHECK_EQUAL(pair->incomplete, 1);
         send_repair(pair);
-        CHECK_EQUAL(count_of(&pair->intake, INTAKE_REPAIR_EXPIRED), 1);
+        CHECK_EQUAL(count_of(&pair->rx, STREAM_RX_REPAIR_EXPIRED), 1);
         end_pair(pair);
     }
 }
@@ -595,8 +595,8 @@ static void test_seeded_loss(void) {
     CHECK(lost > 2000);
     CHECK_EQUAL(pair->came, 4001);
     CHECK_EQUAL(pair->damaged + pair->missing, 0);
-    CHECK_EQUAL(count_of(&pair->intake, INTAKE_RESTORED), lost);
-    CHECK_EQUAL(count_of(&pair->intake, INTAKE_LOST), 0);
+    CHECK_EQUAL(count_of(&pair->rx, STREAM_RX_RESTORED), lost);
+    CHECK_EQUAL(count_of(&pair->rx, STREAM_RX_LOST), 0);
     end_pair(pair);
 }
 
@@ -612,15 +612,15 @@ static void test_repair_of_sources(void) {
     begin_source(pair, 0x2002, 9000);
     for (unsigned i = 0; i < 11; i++)
         send_frame(pair, 2, i == 5);
-    CHECK_EQUAL(pair->intake.ssrc, 0x2002);
+    CHECK_EQUAL(pair->rx.ssrc, 0x2002);
     CHECK_EQUAL(pair->came, 4 + 5); /* all frames of the former source, and the new one's up to the gap */
     CHECK_EQUAL(pair->incomplete, 2);
-    CHECK_EQUAL(count_of(&pair->intake, INTAKE_REPAIR_EXPIRED), 1);
+    CHECK_EQUAL(count_of(&pair->rx, STREAM_RX_REPAIR_EXPIRED), 1);
     send_repair(pair);
     CHECK_EQUAL(pair->came, 4 + 11);
     uint8_t data[REPAIR_MAX];
-    CHECK(!intake_put_repair(&pair->intake, data, repair_make(&former, 0, data)));
-    CHECK_EQUAL(count_of(&pair->intake, INTAKE_REPAIR_REFUSED), 1);
+    CHECK(!stream_rx_put_repair(&pair->rx, data, repair_make(&former, 0, data)));
+    CHECK_EQUAL(count_of(&pair->rx, STREAM_RX_REPAIR_REFUSED), 1);
     end_pair(pair);
 }
 
@@ -636,9 +636,9 @@ static void test_repair_garbage(void) {
             data[next_random(16)] = (uint8_t)next_random(256); /* its header */
         if (i % 2 == 0)
             memset(data, (int)next_random(256), size = next_random(sizeof(data)));
-        intake_put_repair(&pair->intake, data, size);
+        stream_rx_put_repair(&pair->rx, data, size);
         take(pair);
-        if (pair->intake.restore.rows || pair->came > 1)
+        if (pair->rx.restore.rows || pair->came > 1)
             break; /* one in many thousands is a repair packet after all */
     }
     check_sums(pair);

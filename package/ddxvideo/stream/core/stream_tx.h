@@ -5,7 +5,7 @@
  * (CLOCK_MONOTONIC, ns) and serialises the calls. Fixed memory. No call blocks; each one's work is bounded.
  *
  * Budget. Repair has priority: a picture with a gap is worth nothing, and neither are those after it. The next frame
- * gets what repair leaves (dispatch_allowance()), but at least a part of the rate that a fair picture needs: with
+ * gets what repair leaves (stream_tx_allowance()), but at least a part of the rate that a fair picture needs: with
  * several receivers, of which one always misses something, repair would take everything. Packets that the bucket cannot
  * pay for wait, and frames are left out.
  *
@@ -17,59 +17,59 @@
  * only: a repair packet is as long as the longest packet that it covers, and a shorter window has a shorter one. When
  * reports have just stopped, the rate is reduced as well: the link may be congested.
  */
-#ifndef DDXVIDEO_DISPATCH_H
-#define DDXVIDEO_DISPATCH_H
+#ifndef DDXVIDEO_STREAM_TX_H
+#define DDXVIDEO_STREAM_TX_H
 
 #include "feedback.h"
 #include "repair.h"
 
-#define DISPATCH_QUEUE 256 /* media packets that wait */
-#define DISPATCH_VIDEO \
-    0.7                    /* of the rate that frames get, at most: what a loss of 30 % leaves. So a loss changes
+#define STREAM_TX_QUEUE 256 /* media packets that wait */
+#define STREAM_TX_VIDEO \
+    0.7                     /* of the rate that frames get, at most: what a loss of 30 % leaves. So a loss changes
                              * pictures little, and repair has a reserve before reports say how much it takes */
-#define DISPATCH_RATIO 2.3 /* of repair packets to media packets, for 30 % loss in bursts */
+#define STREAM_TX_RATIO 2.3 /* of repair packets to media packets, for 30 % loss in bursts */
 
-enum dispatch_port { DISPATCH_MEDIA, DISPATCH_REPAIR };
+enum stream_tx_port { STREAM_TX_MEDIA, STREAM_TX_REPAIR };
 
-enum dispatch_count {
-    DISPATCH_PACKETS, /* handed over = sent + dropped + waiting */
-    DISPATCH_SENT,
-    DISPATCH_DROPPED,     /* no room in the queue, or not an RTP packet */
-    DISPATCH_REPAIRS,     /* repair packets sent */
-    DISPATCH_MEDIA_BYTES, /* of media packets, IP and UDP headers included */
-    DISPATCH_BYTES,       /* of everything sent, IP and UDP headers included */
-    DISPATCH_OTHERS, /* dispatch_other(): packets that may be sent, and packets that the budget could not pay for */
-    DISPATCH_OTHERS_LOST,
-    DISPATCH_COUNTS
+enum stream_tx_count {
+    STREAM_TX_PACKETS, /* handed over = sent + dropped + waiting */
+    STREAM_TX_SENT,
+    STREAM_TX_DROPPED,     /* no room in the queue, or not an RTP packet */
+    STREAM_TX_REPAIRS,     /* repair packets sent */
+    STREAM_TX_MEDIA_BYTES, /* of media packets, IP and UDP headers included */
+    STREAM_TX_BYTES,       /* of everything sent, IP and UDP headers included */
+    STREAM_TX_OTHERS, /* stream_tx_other(): packets that may be sent, and packets that the budget could not pay for */
+    STREAM_TX_OTHERS_LOST,
+    STREAM_TX_COUNTS
 };
 
-struct dispatch_settings {
+struct stream_tx_settings {
     int64_t wire;     /* bit/s of everything sent to a receiver, 50,000 at least: the bucket must hold a packet */
-    int64_t video;    /* bit/s of encoded frames, at most; 0: DISPATCH_VIDEO of the rate */
+    int64_t video;    /* bit/s of encoded frames, at most; 0: STREAM_TX_VIDEO of the rate */
     int64_t interval; /* ns from frame to frame */
     size_t header;    /* bytes added to an RTP packet: IP and UDP headers, encryption */
     bool repair;      /* repair packets are sent */
-    double ratio;     /* of repair packets to media packets while no receiver has reported: DISPATCH_RATIO */
+    double ratio;     /* of repair packets to media packets while no receiver has reported: STREAM_TX_RATIO */
     double others;    /* bytes of other packets for each byte of media, at least */
     uint32_t media_ssrc, repair_ssrc;
     uint16_t repair_sequence; /* of the first repair packet, at random */
 };
 
-struct dispatch_packet {
+struct stream_tx_packet {
     const uint8_t *data; /* a whole RTP packet */
     size_t size;         /* RTP_PACKET_MAX at most */
 };
 
-struct dispatch_slot {
+struct stream_tx_slot {
     uint16_t frame;
     uint16_t size;
     int64_t written;
     uint8_t data[RTP_PACKET_MAX];
 };
 
-struct dispatch {
-    struct dispatch_settings settings; /* `video` and `interval` may be changed at any time */
-    uint64_t count[DISPATCH_COUNTS];
+struct stream_tx {
+    struct stream_tx_settings settings; /* `video` and `interval` may be changed at any time */
+    uint64_t count[STREAM_TX_COUNTS];
     struct budget budget; /* its rate is at most: */
     int64_t wire;         /* bit/s, a little less than settings.wire */
     double link;          /* bit/s of the link when it was full, 0: never */
@@ -89,41 +89,41 @@ struct dispatch {
     bool refresh;
     int64_t refreshed, whole; /* times of the last renewal, and of the last whole picture */
     struct repair_window window;
-    struct dispatch_slot queue[DISPATCH_QUEUE];
+    struct stream_tx_slot queue[STREAM_TX_QUEUE];
 };
 
-void dispatch_init(struct dispatch *dispatch, const struct dispatch_settings *settings, int64_t now);
+void stream_tx_init(struct stream_tx *tx, const struct stream_tx_settings *settings, int64_t now);
 
 /* Bytes that the next frame may have; 0: there is no room for a frame. Drop it without encoding it. */
-size_t dispatch_allowance(struct dispatch *dispatch, int64_t now);
+size_t stream_tx_allowance(struct stream_tx *tx, int64_t now);
 
-/* Packets that dispatch_frame() accepts now; further ones are dropped. */
-unsigned dispatch_room(const struct dispatch *dispatch);
+/* Packets that stream_tx_frame() accepts now; further ones are dropped. */
+unsigned stream_tx_room(const struct stream_tx *tx);
 
 /* Add an encoded frame, in packets with consecutive sequence numbers; `frame`: its number, which rises by one. The
  * packets are copied. */
-void dispatch_frame(struct dispatch *dispatch, int64_t now, uint16_t frame, const struct dispatch_packet *packets,
-                    unsigned count);
+void stream_tx_frame(struct stream_tx *tx, int64_t now, uint16_t frame, const struct stream_tx_packet *packets,
+                     unsigned count);
 
 /* Use a datagram from the port for reports. `address`: a hash of its sender's address. */
-void dispatch_report(struct dispatch *dispatch, int64_t now, const uint8_t *data, size_t size, uint64_t address);
+void stream_tx_report(struct stream_tx *tx, int64_t now, const uint8_t *data, size_t size, uint64_t address);
 
 /* Take the next packet that is due: to[REPAIR_MAX], its size and its port. False if none is due. Call it at
- * dispatch_deadline(), and after each of the other calls, until it returns false. The packet counts as sent. */
-bool dispatch_next(struct dispatch *dispatch, int64_t now, uint8_t *to, size_t *size, enum dispatch_port *port);
+ * stream_tx_deadline(), and after each of the other calls, until it returns false. The packet counts as sent. */
+bool stream_tx_next(struct stream_tx *tx, int64_t now, uint8_t *to, size_t *size, enum stream_tx_port *port);
 
 /* The time at which the next packet is due if nothing else happens; INT64_MAX: none. */
-int64_t dispatch_deadline(struct dispatch *dispatch, int64_t now);
+int64_t stream_tx_deadline(struct stream_tx *tx, int64_t now);
 
 /* Whether another packet (an announcement, a packet of another copy of the stream) may be sent now: `size` bytes on the
  * wire. If so, they are taken from the budget; if not, the packet counts as lost. */
-bool dispatch_other(struct dispatch *dispatch, int64_t now, size_t size);
+bool stream_tx_other(struct stream_tx *tx, int64_t now, size_t size);
 
 /*
  * Whether a receiver needs a whole picture. True at most once a second; that ends the request. *whole: bytes of a whole
  * picture that may be sent at once; 0: the next frames must renew the picture, because one was sent less than four
  * seconds ago. So requests, which can be forged, do not fill the rate with bad pictures.
  */
-bool dispatch_wants_refresh(struct dispatch *dispatch, int64_t now, size_t *whole);
+bool stream_tx_wants_refresh(struct stream_tx *tx, int64_t now, size_t *whole);
 
 #endif

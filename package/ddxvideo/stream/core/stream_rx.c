@@ -1,0 +1,288 @@
+/* SPDX-License-Identifier: GPL-2.0-or-later */
+#include "stream_rx.h"
+
+#include <errno.h>
+#include <string.h>
+
+void stream_rx_init(struct stream_rx *rx, int64_t patience, bool repairs) {
+    memset(rx, 0, offsetof(struct stream_rx, restore));
+    restore_init(&rx->restore, 0);
+    reorder_init(&rx->reorder);
+    rx->patience = patience;
+    rx->repairs = repairs;
+}
+
+void stream_rx_free(struct stream_rx *rx) {
+    assembly_free(&rx->assembly);
+    slot_clear(rx->reorder.slot, REORDER_PACKETS);
+    slot_clear(rx->queue, STREAM_RX_QUEUE);
+    slot_clear(&rx->held, 1);
+}
+
+/* ---- Repair packets ---- */
+
+static void count_repair(struct stream_rx *rx) {
+    static const enum stream_rx_count counts[RESTORE_COUNTS] = {
+        [RESTORE_RECEIVED] = STREAM_RX_REPAIR_RECEIVED, [RESTORE_REFUSED] = STREAM_RX_REPAIR_REFUSED,
+        [RESTORE_USELESS] = STREAM_RX_REPAIR_USELESS,   [RESTORE_EXPIRED] = STREAM_RX_REPAIR_EXPIRED,
+        [RESTORE_CORRUPT] = STREAM_RX_REPAIR_CORRUPT,   [RESTORE_RESTORED] = STREAM_RX_RESTORED};
+
+    for (unsigned i = 0; i < RESTORE_COUNTS; i++)
+        rx->count[counts[i]] = rx->repaired[i] + rx->restore.count[i];
+    rx->count[STREAM_RX_REPAIR_WRONG] = rx->wrong + rx->restore.wrong;
+}
+
+/* Another source, or a jump in the sequence numbers: waiting equations are about other packets. */
+static void begin_repair(struct stream_rx *rx) {
+    rx->restore.count[RESTORE_EXPIRED] += rx->restore.rows;
+    for (unsigned i = 0; i < RESTORE_COUNTS; i++)
+        rx->repaired[i] += rx->restore.count[i];
+    rx->wrong += rx->restore.wrong;
+    restore_init(&rx->restore, rx->ssrc);
+    count_repair(rx);
+}
+
+bool stream_rx_put_repair(struct stream_rx *rx, const uint8_t *data, size_t size) {
+    int error = restore_repair(&rx->restore, data, size);
+
+    count_repair(rx);
+    return error != -EBADMSG && rx->followed;
+}
+
+/* A media packet got its place, or was late. Skipped numbers are not waited for. */
+static void tell_restore(struct stream_rx *rx, const struct rtp_packet *packet, const uint8_t *data, size_t size,
+                         bool taken, uint16_t due) {
+    int passed = (int16_t)(rx->reorder.next - due);
+
+    if (passed < 0 || passed > REORDER_JUMP)
+        begin_repair(rx);
+    if (taken || (uint16_t)(rx->restore.newest - packet->sequence) < REPAIR_PACKETS)
+        restore_source(&rx->restore, data, size);
+    if (passed)
+        restore_give_up(&rx->restore, rx->reorder.next);
+    count_repair(rx);
+}
+
+/* ---- Choice of the source ---- */
+
+static void follow(struct stream_rx *rx, const struct rtp_packet *packet, int64_t now) {
+    rx->followed = true;
+    rx->confirmed = false;
+    rx->ssrc = packet->ssrc;
+    rx->window = 0;
+    rx->type = packet->type;
+    rx->heard = now;
+    rx->queued = 0;
+    rx->in_sequence = false;
+    assembly_begin(&rx->assembly);
+    rx->count[STREAM_RX_SOURCES]++;
+    reorder_init(&rx->reorder);
+    begin_repair(rx);
+}
+
+/* Keeps a packet of another source, and follows that source if the conditions hold. */
+static void hear_other(struct stream_rx *rx, const struct rtp_packet *packet, const uint8_t *data, size_t size,
+                       int64_t now) {
+    bool known = rx->queued && rx->other == packet->ssrc;
+
+    rx->count[STREAM_RX_FOREIGN]++;
+    if (!known) {
+        if (rx->queued && rx->in_sequence && now - rx->other_heard < STREAM_RX_SILENCE)
+            return; /* a stray packet does not replace a source that still sends */
+        rx->queued = 0;
+        rx->in_sequence = false;
+        rx->other = packet->ssrc;
+    }
+    rx->in_sequence |= known && packet->sequence == (uint16_t)(rx->other_sequence + 1);
+    rx->other_sequence = packet->sequence;
+    rx->other_heard = now;
+    if (rx->queued < STREAM_RX_QUEUE)
+        slot_fill(&rx->queue[rx->queued++], data, size, now);
+    rx->switching = rx->in_sequence && (!rx->confirmed || now - rx->heard >= STREAM_RX_SILENCE);
+}
+
+static bool put(struct stream_rx *rx, const struct rtp_packet *packet, const uint8_t *data, size_t size, int64_t now,
+                bool restored) {
+    uint16_t due = rx->reorder.next;
+    enum reorder_result result = reorder_put(&rx->reorder, packet->sequence, data, size, now);
+    bool taken = result == REORDER_TAKEN || result == REORDER_OUT_OF_TURN;
+
+    switch (result) {
+    case REORDER_TAKEN: break;
+    case REORDER_OUT_OF_TURN: rx->count[STREAM_RX_REORDERED] += !restored; break;
+    case REORDER_DUPLICATE: rx->count[STREAM_RX_DUPLICATE]++; break;
+    case REORDER_LATE: rx->count[STREAM_RX_LATE]++; break;
+    case REORDER_FULL:
+        slot_fill(&rx->held, data, size, now);
+        rx->held_restored = restored;
+        return true;
+    }
+    if (result == REORDER_TAKEN && packet->has_count) {
+        rx->newest = packet->frame.count;
+        rx->window = packet->frame.window;
+    }
+    if (!restored)
+        tell_restore(rx, packet, data, size, taken, due);
+    return taken;
+}
+
+bool stream_rx_put(struct stream_rx *rx, const uint8_t *data, size_t size, int64_t now) {
+    struct rtp_packet packet;
+
+    rx->count[STREAM_RX_RECEIVED]++;
+    rx->count[STREAM_RX_BYTES] += size;
+    if (size > RTP_DATAGRAM_MAX || !rtp_parse(data, size, &packet)) {
+        rx->count[STREAM_RX_GARBAGE]++;
+        return false;
+    }
+    if (packet.type != RTP_H264 && packet.type != RTP_MPEG4) {
+        rx->count[STREAM_RX_FOREIGN]++;
+        return false;
+    }
+    if (!rx->followed) {
+        follow(rx, &packet, now);
+    } else if (packet.ssrc != rx->ssrc) {
+        hear_other(rx, &packet, data, size, now);
+        return false;
+    } else if (packet.type != rx->type) {
+        rx->count[STREAM_RX_FOREIGN]++;
+        return false;
+    } else {
+        rx->confirmed = true;
+        rx->queued = 0;
+    }
+    rx->heard = now;
+    return put(rx, &packet, data, size, now, false);
+}
+
+static void put_slot(struct stream_rx *rx, struct reorder_slot *slot, bool restored) {
+    struct rtp_packet packet;
+
+    slot->used = false;
+    rtp_parse(slot->data, slot->size, &packet);
+    put(rx, &packet, slot->data, slot->size, slot->arrival, restored);
+}
+
+/* Puts a restored packet into its place; its content is as credible as the repair packets. */
+static void put_restored(struct stream_rx *rx, const uint8_t *data, size_t size, int64_t now) {
+    struct rtp_packet packet;
+
+    if (!rtp_parse(data, size, &packet) || packet.type != rx->type)
+        rx->count[STREAM_RX_GARBAGE]++;
+    else
+        put(rx, &packet, data, size, now, true);
+}
+
+/* Follow the other source: its packets are taken out of the queue by put_next(). */
+static void switch_over(struct stream_rx *rx) {
+    struct rtp_packet packet;
+    unsigned queued = rx->queued;
+
+    rtp_parse(rx->queue[0].data, rx->queue[0].size, &packet);
+    follow(rx, &packet, rx->queue[queued - 1].arrival);
+    rx->confirmed = true;
+    rx->switching = false;
+    rx->count[STREAM_RX_FOREIGN] -= queued; /* the queued packets are of the new source */
+    rx->queued = queued;
+    rx->taken = 0;
+    rx->replaying = true;
+}
+
+/* Puts packets that have a place now: the datagram that had none, and restored packets. False if there is none. */
+static bool put_waiting(struct stream_rx *rx, int64_t now) {
+    const uint8_t *data;
+    size_t size;
+    uint16_t sequence;
+
+    if (rx->held.used) {
+        put_slot(rx, &rx->held, rx->held_restored);
+        return !rx->held.used;
+    }
+    if (!restore_take(&rx->restore, &data, &size, &sequence))
+        return false;
+    put_restored(rx, data, size, now);
+    return true;
+}
+
+/* Puts the waiting datagram, once all earlier packets are out. False if none waits. */
+static bool put_next(struct stream_rx *rx) {
+    if (rx->switching)
+        switch_over(rx);
+    else if (rx->replaying && rx->taken < rx->queued)
+        put_slot(rx, &rx->queue[rx->taken++], false);
+    else if (rx->replaying) {
+        rx->replaying = false;
+        rx->queued = 0;
+    } else
+        return false;
+    return true;
+}
+
+/* ---- Gaps ---- */
+
+static bool is_repairing(const struct stream_rx *rx) {
+    return rx->repairs && rx->window;
+}
+
+/* Whether the sender's window has passed the packet that is due. */
+static bool is_out_of_window(const struct stream_rx *rx) {
+    return (int16_t)(rx->newest - assembly_due(&rx->assembly)) > rx->window ||
+           rtp_after(rx->restore.floor, rx->reorder.next);
+}
+
+/* Gives up the packet that is due if it can no longer arrive in time. */
+static bool give_up(struct stream_rx *rx, int64_t now) {
+    bool hopeless =
+        rx->held.used || rx->switching || now >= stream_rx_deadline(rx) || (is_repairing(rx) && is_out_of_window(rx));
+
+    if (!hopeless || !reorder_give_up(&rx->reorder))
+        return false;
+    restore_give_up(&rx->restore, rx->reorder.next);
+    count_repair(rx);
+    return true;
+}
+
+int64_t stream_rx_deadline(const struct stream_rx *rx) {
+    int64_t since = reorder_waits_since(&rx->reorder);
+    int64_t patience = is_repairing(rx) ? STREAM_RX_REPAIR : rx->patience;
+
+    return since > INT64_MAX - patience ? INT64_MAX : since + patience;
+}
+
+/* ---- Frames ---- */
+
+/* Takes the packet that is due. Whether it completes a frame: its own, or the previous one, if it begins the next. */
+static bool take_packet(struct stream_rx *rx, const struct reorder_slot *slot, unsigned lost,
+                        struct assembly_frame *frame) {
+    struct rtp_packet packet;
+
+    rtp_parse(slot->data, slot->size, &packet);
+    if (assembly_is_next(&rx->assembly, &packet))
+        return assembly_close(&rx->assembly, true, frame);
+    bool good = assembly_add(&rx->assembly, &packet, lost, slot->arrival);
+    rx->count[good ? STREAM_RX_USED : STREAM_RX_GARBAGE]++;
+    rx->count[STREAM_RX_LOST] += lost;
+    reorder_take(&rx->reorder);
+    return packet.marker && assembly_close(&rx->assembly, false, frame);
+}
+
+bool stream_rx_take(struct stream_rx *rx, int64_t now, struct assembly_frame *frame) {
+    for (;;) {
+        unsigned lost;
+        const struct reorder_slot *slot = reorder_peek(&rx->reorder, &lost);
+
+        if (slot) {
+            if (take_packet(rx, slot, lost, frame))
+                return true;
+        } else if (!put_waiting(rx, now) && !give_up(rx, now)) {
+            if (rx->switching && assembly_close(&rx->assembly, true, frame))
+                return true; /* the end of the former source's last frame */
+            if (!put_next(rx))
+                return false;
+        }
+    }
+}
+
+bool stream_rx_take_last(struct stream_rx *rx, struct assembly_frame *frame) {
+    return stream_rx_take(rx, INT64_MAX, frame) || assembly_close(&rx->assembly, true, frame);
+}

@@ -1,0 +1,472 @@
+/* SPDX-License-Identifier: GPL-2.0-or-later */
+#include "stream_tx.h"
+
+#include <math.h>
+#include <stddef.h>
+#include <string.h>
+
+#include "bits.h"
+
+#define MS INT64_C(1000000)
+#define SECOND INT64_C(1000000000)
+#define BUCKET (300 * MS)
+#define FULL 0.85 /* fill level of the bucket, kept for bursts of reported losses */
+#define FULL_IN_RUNS \
+    0.5                     /* the same where losses come in runs: after each run the bucket is less full, and
+                               smaller frames for a while would look worse than a bucket that is never full */
+#define FULL_ONE_WAY 0.5    /* the same without reports, for frames of different sizes only */
+#define BEGIN 0.5           /* how full it is at first; with 0.5 % less than the rate the mean of 30 s is never more */
+#define HORIZON 4           /* frames in which the fill level is restored */
+#define HORIZON_IN_RUNS 12  /* the same where losses come in runs */
+#define RUNS_BEGIN 1.4      /* mean length of runs at 30 % independent loss; from one more on, all come in runs */
+#define FADE (1 - 1.0 / 75) /* of the shares, each frame */
+#define SPARE 0.25          /* fill level up to which a single receiver cannot empty the bucket */
+#define OUTAGE 20           /* packets lost in sequence, after which most frames are left out */
+#define LINK_FULL (50 * MS) /* ns that packets wait before the link, above which frames are left out */
+#define LINK_FULL_NOW (65 * MS) /* the same, of the last packet that arrived, while others are on their way */
+#define LINK_FULL_PART 0.25     /* of the rate that a frame has then, if it is not left out */
+#define LINK_STEP (100 * MS)    /* from one change of the rate to the next */
+#define LINK_BUCKET (80 * MS)   /* what the bucket holds while the link is slower than -wire */
+#define LINK_DRAIN 0.85         /* of the link's rate, while there is a queue */
+#define LINK_FALL 0.5           /* of the rate, at least, in one step: less than the link's rate may have arrived */
+#define LINK_RISE 1.15
+#define LINK_SLOWLY 1.05
+#define LINK_LEAST 50e3          /* bit/s */
+#define LINK_PART 0.3            /* of -wire, at least: delays can be forged */
+#define WHOLE_EVERY (4 * SECOND) /* from one whole picture to the next */
+#define WHOLE_PART 0.35          /* of the bytes in the bucket, for one: it waits 0.1 s before a link of this rate */
+#define YIELD 2                  /* most frames that are left out in sequence for repair or in an outage, */
+#define YIELD_MOST 40            /* most of them at once, */
+#define YIELD_PART 0.3           /* and of all frames on average */
+#define LEAST 100                /* bytes of a frame; less is not worth its headers */
+#define LEAST_PART 0.30    /* of the rate that frames get, however much repair is wanted: else it leaves bad pictures */
+#define LEAST_ALONE 0.45   /* the same for a single receiver */
+#define FRAME_HEADERS 40   /* bytes of the RTP header of a frame's first packet */
+#define GAP MS             /* between packets, at most */
+#define BURST 3            /* packets of a frame that go at once: few frames are larger, and 3.6 kB fit each queue */
+#define STOPPED (200 * MS) /* without reports: they have just stopped */
+#define SILENT (300 * MS)  /* without reports: probably an outage in both directions */
+#define REDUCED 0.5        /* of the rate, then */
+#define FEWER 0.85         /* of the repair packets: they are still as long as the larger frames before */
+#define ADVANCE_FRAMES 8
+#define LONGER 1.1       /* a repair packet than a media packet */
+#define OUT_OF_STEP 64   /* media packets, after which one more repair packet goes */
+#define MORE_IN_RUNS 0.6 /* repair packets for each media packet that are added where losses come in runs */
+#define ADVANCE_WHOLE 3  /* each third one covers the whole window */
+#define FIXED 12         /* bytes of an RTP header */
+
+void stream_tx_init(struct stream_tx *tx, const struct stream_tx_settings *settings, int64_t now) {
+    memset(tx, 0, offsetof(struct stream_tx, window));
+    tx->settings = *settings;
+    tx->next = now;
+    tx->refreshed = now - SECOND;
+    tx->whole = now - WHOLE_EVERY;
+    tx->patience = YIELD_MOST;
+    tx->wire = settings->wire - settings->wire / 200;
+    budget_init(&tx->budget, tx->wire, BUCKET, BEGIN, now);
+    feedback_init(&tx->feedback, settings->media_ssrc, settings->wire, now);
+    repair_window_init(&tx->window, settings->media_ssrc, settings->repair_ssrc, settings->repair_sequence);
+}
+
+/* ---- Input ---- */
+
+static bool enqueue(struct stream_tx *tx, int64_t now, uint16_t frame, const struct stream_tx_packet *packet) {
+    if (tx->waiting == STREAM_TX_QUEUE || packet->size < FIXED || packet->size > RTP_PACKET_MAX)
+        return false;
+    struct stream_tx_slot *slot = &tx->queue[(tx->head + tx->waiting++) % STREAM_TX_QUEUE];
+    slot->frame = frame;
+    slot->size = (uint16_t)packet->size;
+    slot->written = now;
+    memcpy(slot->data, packet->data, packet->size);
+    return true;
+}
+
+unsigned stream_tx_room(const struct stream_tx *tx) {
+    return STREAM_TX_QUEUE - tx->waiting;
+}
+
+void stream_tx_frame(struct stream_tx *tx, int64_t now, uint16_t frame, const struct stream_tx_packet *packets,
+                     unsigned count) {
+    tx->count[STREAM_TX_PACKETS] += count;
+    tx->media_share *= FADE;
+    tx->repair_share *= FADE;
+    tx->other_share *= FADE;
+    for (unsigned i = 0; i < count; i++)
+        tx->count[STREAM_TX_DROPPED] += !enqueue(tx, now, frame, &packets[i]);
+    if (tx->waiting)
+        tx->gap = tx->settings.interval / 2 / tx->waiting;
+    if (tx->gap > GAP)
+        tx->gap = GAP;
+    tx->burst = BURST;
+}
+
+/* Sets the rate at which the bucket fills. While it is lower than -wire, the bucket holds less: its bytes would only
+ * wait in the link's queue. */
+static void set_rate(struct stream_tx *tx, double rate) {
+    double most = (double)tx->wire, least = fmax(LINK_LEAST, most * LINK_PART);
+    int64_t packet = (int64_t)(2 * RTP_PACKET_MAX * 8 * (double)SECOND / rate);
+
+    rate = rate > most ? most : rate < least ? least : rate;
+    tx->budget.rate = (int64_t)rate;
+    tx->budget.depth = rate >= most ? BUCKET : packet > LINK_BUCKET ? packet : LINK_BUCKET;
+    if (tx->budget.depth > BUCKET)
+        tx->budget.depth = BUCKET;
+}
+
+/*
+ * The rate follows the link. If packets wait in a queue before the link, the link is full, and what arrives is its
+ * rate: the rate is set a little lower, so that the queue drains. Without a queue the rate rises again, more slowly
+ * where the link was full before.
+ */
+static void follow_link(struct stream_tx *tx, int64_t now) {
+    const struct deficit *nearest = feedback_nearest(&tx->feedback, now);
+    double rate = (double)tx->budget.rate;
+
+    if (!nearest || now - tx->followed < LINK_STEP)
+        return;
+    if (nearest->link > 0) {
+        tx->link = nearest->link;
+        tx->followed = now;
+        if (rate > LINK_DRAIN * tx->link)
+            set_rate(tx, fmax(LINK_DRAIN * tx->link, LINK_FALL * rate));
+    } else if (nearest->queue < DEFICIT_QUEUE / 2 && tx->budget.rate < tx->wire) {
+        bool near = rate > 0.8 * tx->link && rate < 1.1 * tx->link;
+
+        tx->followed = now;
+        set_rate(tx, rate * (near ? LINK_SLOWLY : LINK_RISE));
+    }
+}
+
+void stream_tx_report(struct stream_tx *tx, int64_t now, const uint8_t *data, size_t size, uint64_t address) {
+    uint64_t used = tx->feedback.count[FEEDBACK_USED];
+
+    tx->refresh |= feedback_report(&tx->feedback, now, data, size, address);
+    if (tx->feedback.count[FEEDBACK_USED] != used)
+        follow_link(tx, now);
+}
+
+bool stream_tx_wants_refresh(struct stream_tx *tx, int64_t now, size_t *whole) {
+    if (!tx->refresh || now - tx->refreshed < SECOND)
+        return false;
+    tx->refresh = false;
+    tx->refreshed = now;
+    *whole = 0;
+    if (now - tx->whole < WHOLE_EVERY)
+        return true;
+    tx->whole = now;
+    *whole = (size_t)((double)budget_tokens(&tx->budget, now) * WHOLE_PART / (1 + tx->settings.others));
+    return true;
+}
+
+/* The send time of a packet. No two are equal, because a report on a packet says nothing about those after it. */
+static int64_t sent_at(struct stream_tx *tx, int64_t now) {
+    tx->sent = now > tx->sent ? now : tx->sent + 1;
+    return tx->sent;
+}
+
+/* ---- Repair ---- */
+
+/* Repair packets that are sent in advance for each media packet. */
+static double ratio_in_advance(const struct stream_tx *tx, int64_t now) {
+    int64_t silence = feedback_silence(&tx->feedback, now);
+    double ratio = 0.35 + 5 * tx->feedback.loss;
+
+    if (tx->settings.repair && (silence == INT64_MAX || feedback_is_calm(&tx->feedback, now)))
+        return tx->settings.ratio;
+    if (!tx->settings.repair || silence < STOPPED)
+        return 0;
+    if (silence < FEEDBACK_GONE)
+        ratio *= FEWER;
+    else if (tx->feedback.in_runs)
+        ratio += MORE_IN_RUNS;
+    return ratio > 2.5 ? 2.5 : ratio;
+}
+
+/* The oldest packet of the last `frames` frames in the window. */
+static uint32_t frames_back(const struct stream_tx *tx, unsigned frames) {
+    const struct repair_window *window = &tx->window;
+    uint16_t newest = window->frame[window->newest % REPAIR_PACKETS];
+    uint32_t first = window->newest;
+
+    for (unsigned i = 1; i < window->count; i++) {
+        if ((uint16_t)(newest - window->frame[(window->newest - i) % REPAIR_PACKETS]) >= frames)
+            break;
+        first = window->newest - i;
+    }
+    return first;
+}
+
+static double fill_level(struct stream_tx *tx, int64_t now) {
+    return (double)budget_tokens(&tx->budget, now) / (double)budget_size(&tx->budget);
+}
+
+/* Whether to send a repair packet now; *first: the oldest packet that it covers. */
+static bool needs_repair(struct stream_tx *tx, int64_t now, uint32_t *first, bool *in_advance) {
+    if (!tx->settings.repair || !tx->window.count)
+        return false;
+    tx->feedback.spare = fill_level(tx, now) > SPARE;
+    *in_advance = !feedback_wanted(&tx->feedback, now, first);
+    if (!*in_advance)
+        return true;
+    *first = frames_back(tx, tx->advance % ADVANCE_WHOLE ? ADVANCE_FRAMES : REPAIR_FRAMES);
+    return !tx->waiting && tx->owed >= 1;
+}
+
+/* Bytes that a repair packet takes on the wire. */
+static size_t repair_bytes(const struct stream_tx *tx, uint32_t first) {
+    const struct repair_window *window = &tx->window;
+    size_t longest = 0;
+
+    for (unsigned i = 0; i < window->count; i++) {
+        uint32_t esi = window->newest - i;
+
+        if (window->source[esi % REPAIR_PACKETS].size > longest)
+            longest = window->source[esi % REPAIR_PACKETS].size;
+        if (esi == first)
+            break;
+    }
+    return REPAIR_HEADER + longest + tx->settings.header;
+}
+
+/* Counts a packet that was just made; `written`: for the history. */
+static void remember_repair(struct stream_tx *tx, int64_t now, int64_t written, size_t bytes) {
+    struct history *repairs = &tx->feedback.repairs;
+    uint32_t number = repairs->count ? repairs->newest + 1 : (uint16_t)(tx->window.sequence - 1);
+
+    tx->count[STREAM_TX_REPAIRS]++;
+    tx->count[STREAM_TX_BYTES] += bytes;
+    history_add(repairs, number, sent_at(tx, now), written, tx->count[STREAM_TX_BYTES]);
+    tx->repair_share += (double)bytes;
+    tx->next = now + GAP;
+}
+
+static bool send_repair(struct stream_tx *tx, int64_t now, uint8_t *to, size_t *size) {
+    uint32_t first;
+    bool in_advance;
+
+    if (!needs_repair(tx, now, &first, &in_advance))
+        return false;
+    size_t bytes = repair_bytes(tx, first);
+    if (!budget_take(&tx->budget, now, bytes))
+        return false;
+    *size = repair_make(&tx->window, first, to);
+    remember_repair(tx, now, now, bytes);
+    if (in_advance) {
+        tx->owed--;
+        tx->advance++;
+    } else {
+        feedback_paid(&tx->feedback, now, bytes);
+    }
+    return true;
+}
+
+/* Bytes that a probe takes on the wire. */
+static size_t probe_bytes(const struct stream_tx *tx) {
+    return REPAIR_HEADER + tx->settings.header;
+}
+
+static bool needs_probe(struct stream_tx *tx, int64_t now) {
+    return tx->settings.repair && tx->window.count && feedback_wants_probe(&tx->feedback, now, probe_bytes(tx));
+}
+
+static bool send_probe(struct stream_tx *tx, int64_t now, uint8_t *to, size_t *size) {
+    size_t bytes = probe_bytes(tx);
+
+    if (!needs_probe(tx, now) || !budget_take(&tx->budget, now, bytes))
+        return false;
+    *size = repair_probe(&tx->window, to);
+    remember_repair(tx, now, HISTORY_PROBE, bytes);
+    feedback_probed(&tx->feedback, now, bytes);
+    return true;
+}
+
+/*
+ * Lets repair packets follow a media packet. Some media packets get one more: if two repair packets followed each of
+ * them, a loss of each third packet could hit all media packets, and a receiver refuses repair packets that reach far
+ * beyond the media packets that came (restore.h).
+ */
+static void owe_repair(struct stream_tx *tx, double ratio) {
+    tx->owed = ratio > 0 ? tx->owed + ratio + (tx->esi % OUT_OF_STEP == 0) : 0;
+}
+
+/* ---- Media ---- */
+
+static size_t media_bytes(const struct stream_tx *tx) {
+    return tx->queue[tx->head].size + tx->settings.header;
+}
+
+static bool send_media(struct stream_tx *tx, int64_t now, uint8_t *to, size_t *size) {
+    const struct stream_tx_slot *slot = &tx->queue[tx->head];
+
+    if (!tx->waiting || !budget_take(&tx->budget, now, media_bytes(tx)))
+        return false;
+    double ratio = ratio_in_advance(tx, now);
+    uint16_t sequence = get16(slot->data + 2);
+    tx->esi = tx->begun ? tx->esi + (uint16_t)(sequence - tx->esi) : sequence;
+    tx->begun = true;
+    memcpy(to, slot->data, slot->size);
+    *size = slot->size;
+    repair_window_add(&tx->window, tx->esi, slot->frame, slot->data, slot->size);
+    tx->count[STREAM_TX_SENT]++;
+    tx->count[STREAM_TX_MEDIA_BYTES] += media_bytes(tx);
+    tx->count[STREAM_TX_BYTES] += media_bytes(tx);
+    history_add(&tx->feedback.sent, tx->esi, sent_at(tx, now), slot->written, tx->count[STREAM_TX_BYTES]);
+    tx->media_share += (double)media_bytes(tx);
+    owe_repair(tx, ratio);
+    tx->head = (tx->head + 1) % STREAM_TX_QUEUE;
+    tx->waiting--;
+    tx->burst -= tx->burst > 0;
+    tx->next = tx->burst ? now : now + tx->gap;
+    return true;
+}
+
+/* ---- Output ---- */
+
+bool stream_tx_next(struct stream_tx *tx, int64_t now, uint8_t *to, size_t *size, enum stream_tx_port *port) {
+    if (now < tx->next)
+        return false;
+    *port = STREAM_TX_REPAIR;
+    if (send_repair(tx, now, to, size) || send_probe(tx, now, to, size))
+        return true;
+    *port = STREAM_TX_MEDIA;
+    return send_media(tx, now, to, size);
+}
+
+int64_t stream_tx_deadline(struct stream_tx *tx, int64_t now) {
+    int64_t time = INT64_MAX, ready;
+    uint32_t first;
+    bool in_advance;
+
+    if (needs_repair(tx, now, &first, &in_advance)) {
+        ready = budget_ready(&tx->budget, repair_bytes(tx, first));
+        time = ready < time ? ready : time;
+    }
+    if (needs_probe(tx, now)) {
+        ready = budget_ready(&tx->budget, probe_bytes(tx));
+        time = ready < time ? ready : time;
+    }
+    if (tx->waiting) {
+        ready = budget_ready(&tx->budget, media_bytes(tx));
+        time = ready < time ? ready : time;
+    }
+    return time < tx->next ? tx->next : time;
+}
+
+bool stream_tx_other(struct stream_tx *tx, int64_t now, size_t size) {
+    bool may_go = budget_take(&tx->budget, now, size);
+
+    tx->count[may_go ? STREAM_TX_OTHERS : STREAM_TX_OTHERS_LOST]++;
+    if (!may_go)
+        return false;
+    tx->count[STREAM_TX_BYTES] += size;
+    tx->other_share += (double)size;
+    return true;
+}
+
+/* For each byte of media, as in the last seconds. */
+static double past_part(const struct stream_tx *tx, double share, double least) {
+    double past = tx->media_share > 0 ? share / tx->media_share : 0;
+
+    return past > least ? past : least;
+}
+
+/* Bytes of repair and of other packets for each byte of media. Of repair at least as many as are about to be sent in
+ * advance. */
+static double part_beside(const struct stream_tx *tx, int64_t now) {
+    return past_part(tx, tx->repair_share, ratio_in_advance(tx, now) * LONGER) +
+           past_part(tx, tx->other_share, tx->settings.others);
+}
+
+/* Whether the budget cannot pay for repair, or for a packet of the last frame, within half a frame interval: another
+ * frame would be late. A packet that waits although it is due now does not count: the sending thread of a busy machine
+ * comes late, and then sends at once. */
+static bool is_behind(struct stream_tx *tx, int64_t now) {
+    int64_t late = tx->settings.interval / 2;
+    uint32_t first;
+    bool in_advance;
+
+    if (tx->waiting && now - tx->queue[tx->head].written > late && stream_tx_deadline(tx, now) > now)
+        return true;
+    return needs_repair(tx, now, &first, &in_advance) && !in_advance &&
+           budget_ready(&tx->budget, repair_bytes(tx, first)) > now + late;
+}
+
+/* Whether packets wait before the link, so that another frame would be late. */
+static bool is_link_full(const struct stream_tx *tx, int64_t now) {
+    const struct deficit *nearest = feedback_nearest(&tx->feedback, now);
+    const struct history *sent = &tx->feedback.sent;
+
+    return nearest && (nearest->queue > LINK_FULL ||
+                       (nearest->delay > LINK_FULL_NOW && history_sent(sent, sent->newest) > nearest->arrival));
+}
+
+/*
+ * Whether a frame is left out, because repair of the frames before it takes what the bucket has for that, or because
+ * nothing gets through, or no report: it would be of no use to the receiver, and have to be repaired as well after the
+ * outage. A report can be forged, so it never stops the video: at least each third frame is sent, and on average 70 %.
+ */
+static bool yields(struct stream_tx *tx, int64_t now) {
+    const struct deficit *deficit = feedback_single(&tx->feedback, now);
+    double left = (fill_level(tx, now) - SPARE) * (double)budget_size(&tx->budget);
+
+    tx->patience += tx->patience < YIELD_MOST ? YIELD_PART : 0;
+
+    int64_t silence = feedback_silence(&tx->feedback, now);
+
+    if (is_link_full(tx, now) || (silence >= SILENT && silence < FEEDBACK_GONE))
+        left = -1;
+    else if (!tx->settings.repair || !tx->window.count || !deficit || !deficit->needed)
+        left = INFINITY;
+    else if (deficit->run < OUTAGE)
+        left -= deficit->needed * (double)repair_bytes(tx, deficit->first);
+    else
+        left = -1;
+    bool yes = left < 0 && tx->skipped < YIELD && tx->patience >= 1;
+    tx->skipped = yes ? tx->skipped + 1 : 0;
+    tx->patience -= yes;
+    return yes;
+}
+
+/* How far losses come in runs, 0 to 1. */
+static double part_in_runs(const struct stream_tx *tx, int64_t now) {
+    double loss, run;
+
+    feedback_losses(&tx->feedback, now, &loss, &run);
+    return run < RUNS_BEGIN || loss <= 0 ? 0 : run < RUNS_BEGIN + 1 ? run - RUNS_BEGIN : 1;
+}
+
+/* Bytes that the next frame and its repair may take more than the rate, since the bucket is fuller than it should be;
+ * negative: less. */
+static double spare_bytes(struct stream_tx *tx, int64_t now, bool one_way) {
+    double runs = part_in_runs(tx, now), full = FULL + runs * (FULL_IN_RUNS - FULL);
+    double tokens = (double)budget_tokens(&tx->budget, now), size = (double)budget_size(&tx->budget);
+
+    return (tokens - (one_way ? FULL_ONE_WAY : full) * size) / (HORIZON + runs * (HORIZON_IN_RUNS - HORIZON));
+}
+
+size_t stream_tx_allowance(struct stream_tx *tx, int64_t now) {
+    const struct stream_tx_settings *settings = &tx->settings;
+    int64_t silence = feedback_silence(&tx->feedback, now);
+    double frame = (double)settings->interval / (8.0 * SECOND); /* bytes of a frame at 1 bit/s */
+    double wire = (double)tx->budget.rate * frame;
+    double video = settings->video ? (double)settings->video * frame : wire * STREAM_TX_VIDEO;
+    double spare = spare_bytes(tx, now, silence >= FEEDBACK_GONE);
+
+    if (is_behind(tx, now) || yields(tx, now))
+        return 0;
+    if (silence >= STOPPED && silence < FEEDBACK_GONE) {
+        wire *= REDUCED;
+        spare = spare > 0 ? 0 : spare;
+    }
+    double bytes = (wire + spare) / (1 + part_beside(tx, now));
+    bytes -= FRAME_HEADERS + (double)settings->header;
+    double part = feedback_single(&tx->feedback, now) ? LEAST_ALONE : LEAST_PART;
+    double least = wire * part / (1 + settings->others);
+    if (silence < STOPPED && bytes < least)
+        bytes = least;
+    if (is_link_full(tx, now) && bytes > wire * LINK_FULL_PART)
+        bytes = wire * LINK_FULL_PART;
+    if (bytes > video)
+        bytes = video;
+    return bytes < LEAST ? LEAST : (size_t)bytes;
+}
