@@ -68,26 +68,32 @@ void repair_window_init(struct repair_window *window, uint32_t media_ssrc, uint3
     window->repair_ssrc = repair_ssrc;
     window->sequence = sequence;
     window->newest = 0;
+    window->next = 0;
     window->count = 0;
 }
 
-static unsigned slot_of(uint32_t esi) {
-    return esi % REPAIR_PACKETS;
-}
+void repair_window_advance(struct repair_window *window, uint32_t esi) {
+    uint16_t frame = repair_waiting(window, 0)->frame;
 
-int repair_window_add(struct repair_window *window, uint32_t esi, uint16_t frame, const uint8_t *packet, size_t size) {
-    if (size < FIXED || size > RTP_PACKET_MAX)
-        return -EMSGSIZE;
     if (esi != window->newest + 1)
         window->count = 0;
     if (window->count == REPAIR_PACKETS)
         window->count--;
-    while (window->count && (uint16_t)(frame - window->frame[slot_of(esi - window->count)]) >= REPAIR_FRAMES)
+    while (window->count && (uint16_t)(frame - repair_sent(window, window->count - 1)->frame) >= REPAIR_FRAMES)
         window->count--;
-    symbol_set(&window->source[slot_of(esi)], packet, size);
-    window->frame[slot_of(esi)] = frame;
+    window->next = (window->next + 1) % (REPAIR_PACKETS + REPAIR_WAITING);
     window->newest = esi;
     window->count++;
+}
+
+int repair_window_add(struct repair_window *window, uint32_t esi, uint16_t frame, const uint8_t *packet, size_t size) {
+    struct repair_slot *slot = repair_waiting(window, 0);
+
+    if (size < FIXED || size > RTP_PACKET_MAX)
+        return -EMSGSIZE;
+    slot->frame = frame;
+    symbol_set(&slot->symbol, packet, size);
+    repair_window_advance(window, esi);
     return 0;
 }
 
@@ -98,14 +104,14 @@ static size_t put_symbol(const struct repair_window *window, unsigned count, uin
 
     repair_coefficients(window->sequence, factor, count);
     for (unsigned i = 0; i < count; i++)
-        symbol_add(&sum, &window->source[slot_of(window->newest + 1 - count + i)], factor[i]);
+        symbol_add(&sum, &repair_sent(window, count - 1 - i)->symbol, factor[i]);
     memcpy(to, sum.data, sum.size);
     return sum.size;
 }
 
 /* Returns the end of the header of the next packet, which covers the newest `count` packets. */
 static uint8_t *put_header(struct repair_window *window, unsigned count, uint8_t *to) {
-    const uint8_t *newest = window->source[slot_of(window->newest)].data + SYMBOL_PREFIX;
+    const uint8_t *newest = repair_sent(window, 0)->symbol.data + SYMBOL_PREFIX;
 
     *to++ = FIRST_BYTE;
     *to++ = REPAIR_TYPE;

@@ -57,6 +57,7 @@ bool symbol_get(const struct symbol *symbol, const uint8_t **packet, size_t *siz
 #define REPAIR_TYPE 98                          /* RTP payload type */
 #define REPAIR_FRAMES 25                        /* most frames that a repair packet covers */
 #define REPAIR_PACKETS 256                      /* most media packets that a repair packet covers */
+#define REPAIR_WAITING 256                      /* most media packets that wait */
 #define REPAIR_HEADER 24                        /* bytes before the repair symbol */
 #define REPAIR_MAX (REPAIR_HEADER + SYMBOL_MAX) /* bytes of a repair packet */
 
@@ -76,25 +77,50 @@ struct repair_packet {
 /* False if this is no repair packet as described above. packet->symbol points into the data. */
 bool repair_parse(const uint8_t *data, size_t size, struct repair_packet *packet);
 
-/* The last media packets sent, at most REPAIR_PACKETS of them, of at most REPAIR_FRAMES frames. */
+/* A media packet of the sender. */
+struct repair_slot {
+    uint16_t frame;
+    int64_t written; /* time at which its frame was handed over; only the caller uses it */
+    struct symbol symbol;
+};
+
+/*
+ * The last media packets sent, at most REPAIR_PACKETS of them, of at most REPAIR_FRAMES frames. After them come up to
+ * REPAIR_WAITING packets that wait to be sent, and are not covered yet.
+ */
 struct repair_window {
     uint32_t media_ssrc;
     uint32_t repair_ssrc;
-    uint16_t sequence;                    /* of the next repair packet; also its Repair_Key */
-    unsigned count;                       /* packets in the window */
-    uint32_t newest;                      /* ESI of the last one */
-    uint16_t frame[REPAIR_PACKETS];       /* of each packet, by ESI */
-    struct symbol source[REPAIR_PACKETS]; /* by ESI */
+    uint16_t sequence; /* of the next repair packet; also its Repair_Key */
+    unsigned count;    /* packets in the window */
+    uint32_t newest;   /* ESI of the last one */
+    unsigned next;     /* slot of the first packet after it */
+    struct repair_slot slot[REPAIR_PACKETS + REPAIR_WAITING];
 };
 
 /* An empty window. `sequence`: of the first repair packet, at random (RFC 3550). */
 void repair_window_init(struct repair_window *window, uint32_t media_ssrc, uint32_t repair_ssrc, uint16_t sequence);
 
+/* The slot of a packet that waits: 0: of the next one to be sent. */
+static inline struct repair_slot *repair_waiting(struct repair_window *window, unsigned number) {
+    return &window->slot[(window->next + number) % (REPAIR_PACKETS + REPAIR_WAITING)];
+}
+
+/* The slot of a packet in the window; 0: of the newest one. */
+static inline const struct repair_slot *repair_sent(const struct repair_window *window, unsigned back) {
+    return &window->slot[(window->next - 1 - back) % (REPAIR_PACKETS + REPAIR_WAITING)];
+}
+
 /*
- * Keep a copy of an RTP packet that has been sent. `esi`: extended sequence number; one that does not follow the last
- * one empties the window first. `frame`: the number of the packet's frame, counted from frame to frame. Packets that
- * are too old or too many leave the window. 0, or -EMSGSIZE for a packet that is shorter than an RTP header or longer
- * than RTP_PACKET_MAX: the window stays as it is.
+ * The next packet that waits has been sent. `esi`: its extended sequence number; one that does not follow the last one
+ * empties the window first. Frames are counted from one to the next. Packets that are too old or too many leave the
+ * window.
+ */
+void repair_window_advance(struct repair_window *window, uint32_t esi);
+
+/*
+ * Keep a copy of an RTP packet that has been sent, where none waits. 0, or -EMSGSIZE for a packet that is shorter than
+ * an RTP header or longer than RTP_PACKET_MAX: the window stays as it is.
  */
 int repair_window_add(struct repair_window *window, uint32_t esi, uint16_t frame, const uint8_t *packet, size_t size);
 

@@ -73,11 +73,10 @@ void stream_tx_init(struct stream_tx *tx, const struct stream_tx_settings *setti
 static bool enqueue(struct stream_tx *tx, int64_t now, uint16_t frame, const struct stream_tx_packet *packet) {
     if (tx->waiting == STREAM_TX_QUEUE || packet->size < FIXED || packet->size > RTP_PACKET_MAX)
         return false;
-    struct stream_tx_slot *slot = &tx->queue[(tx->head + tx->waiting++) % STREAM_TX_QUEUE];
+    struct repair_slot *slot = repair_waiting(&tx->window, tx->waiting++);
     slot->frame = frame;
-    slot->size = (uint16_t)packet->size;
     slot->written = now;
-    memcpy(slot->data, packet->data, packet->size);
+    symbol_set(&slot->symbol, packet->data, packet->size);
     return true;
 }
 
@@ -185,11 +184,11 @@ static double ratio_in_advance(const struct stream_tx *tx, int64_t now) {
 /* The oldest packet of the last `frames` frames in the window. */
 static uint32_t frames_back(const struct stream_tx *tx, unsigned frames) {
     const struct repair_window *window = &tx->window;
-    uint16_t newest = window->frame[window->newest % REPAIR_PACKETS];
+    uint16_t newest = repair_sent(window, 0)->frame;
     uint32_t first = window->newest;
 
     for (unsigned i = 1; i < window->count; i++) {
-        if ((uint16_t)(newest - window->frame[(window->newest - i) % REPAIR_PACKETS]) >= frames)
+        if ((uint16_t)(newest - repair_sent(window, i)->frame) >= frames)
             break;
         first = window->newest - i;
     }
@@ -218,11 +217,10 @@ static size_t repair_bytes(const struct stream_tx *tx, uint32_t first) {
     size_t longest = 0;
 
     for (unsigned i = 0; i < window->count; i++) {
-        uint32_t esi = window->newest - i;
+        size_t size = repair_sent(window, i)->symbol.size;
 
-        if (window->source[esi % REPAIR_PACKETS].size > longest)
-            longest = window->source[esi % REPAIR_PACKETS].size;
-        if (esi == first)
+        longest = size > longest ? size : longest;
+        if (window->newest - i == first)
             break;
     }
     return REPAIR_HEADER + longest + tx->settings.header;
@@ -291,29 +289,35 @@ static void owe_repair(struct stream_tx *tx, double ratio) {
 
 /* ---- Media ---- */
 
+/* The packet that is sent next. */
+static const struct repair_slot *next_media(const struct stream_tx *tx) {
+    return &tx->window.slot[tx->window.next];
+}
+
 static size_t media_bytes(const struct stream_tx *tx) {
-    return tx->queue[tx->head].size + tx->settings.header;
+    return next_media(tx)->symbol.size - SYMBOL_PREFIX + tx->settings.header;
 }
 
 static bool send_media(struct stream_tx *tx, int64_t now, uint8_t *to, size_t *size) {
-    const struct stream_tx_slot *slot = &tx->queue[tx->head];
+    const struct repair_slot *slot = next_media(tx);
 
     if (!tx->waiting || !budget_take(&tx->budget, now, media_bytes(tx)))
         return false;
     double ratio = ratio_in_advance(tx, now);
-    uint16_t sequence = get16(slot->data + 2);
+    size_t bytes = media_bytes(tx);
+    const uint8_t *packet = slot->symbol.data + SYMBOL_PREFIX;
+    uint16_t sequence = get16(packet + 2);
     tx->esi = tx->begun ? tx->esi + (uint16_t)(sequence - tx->esi) : sequence;
     tx->begun = true;
-    memcpy(to, slot->data, slot->size);
-    *size = slot->size;
-    repair_window_add(&tx->window, tx->esi, slot->frame, slot->data, slot->size);
+    *size = bytes - tx->settings.header;
+    memcpy(to, packet, *size);
+    repair_window_advance(&tx->window, tx->esi);
     tx->count[STREAM_TX_SENT]++;
-    tx->count[STREAM_TX_MEDIA_BYTES] += media_bytes(tx);
-    tx->count[STREAM_TX_BYTES] += media_bytes(tx);
+    tx->count[STREAM_TX_MEDIA_BYTES] += bytes;
+    tx->count[STREAM_TX_BYTES] += bytes;
     history_add(&tx->feedback.sent, tx->esi, sent_at(tx, now), slot->written, tx->count[STREAM_TX_BYTES]);
-    tx->media_share += (double)media_bytes(tx);
+    tx->media_share += (double)bytes;
     owe_repair(tx, ratio);
-    tx->head = (tx->head + 1) % STREAM_TX_QUEUE;
     tx->waiting--;
     tx->burst -= tx->burst > 0;
     tx->next = tx->burst ? now : now + tx->gap;
@@ -385,7 +389,7 @@ static bool is_behind(struct stream_tx *tx, int64_t now) {
     uint32_t first;
     bool in_advance;
 
-    if (tx->waiting && now - tx->queue[tx->head].written > late && stream_tx_deadline(tx, now) > now)
+    if (tx->waiting && now - next_media(tx)->written > late && stream_tx_deadline(tx, now) > now)
         return true;
     return needs_repair(tx, now, &first, &in_advance) && !in_advance &&
            budget_ready(&tx->budget, repair_bytes(tx, first)) > now + late;

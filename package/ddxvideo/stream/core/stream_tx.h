@@ -23,7 +23,7 @@
 #include "feedback.h"
 #include "repair.h"
 
-#define STREAM_TX_QUEUE 256 /* media packets that wait */
+#define STREAM_TX_QUEUE REPAIR_WAITING /* media packets that wait */
 #define STREAM_TX_VIDEO \
     0.7                     /* of the rate that frames get, at most: what a loss of 30 % leaves. So a loss changes
                              * pictures little, and repair has a reserve before reports say how much it takes */
@@ -60,13 +60,6 @@ struct stream_tx_packet {
     size_t size;         /* RTP_PACKET_MAX at most */
 };
 
-struct stream_tx_slot {
-    uint16_t frame;
-    uint16_t size;
-    int64_t written;
-    uint8_t data[RTP_PACKET_MAX];
-};
-
 struct stream_tx {
     struct stream_tx_settings settings; /* `video` and `interval` may be changed at any time */
     uint64_t count[STREAM_TX_COUNTS];
@@ -80,7 +73,7 @@ struct stream_tx {
     int64_t sent;                                  /* time of the last packet */
     bool begun;                                    /* a media packet was sent */
     uint32_t esi;                                  /* its extended sequence number */
-    unsigned head, waiting;                        /* of the queue */
+    unsigned waiting;                              /* media packets, in the window */
     double owed;                                   /* repair packets to be sent in advance */
     unsigned advance;                              /* that were sent in advance */
     double media_share, repair_share, other_share; /* bytes sent; older ones count less */
@@ -89,7 +82,6 @@ struct stream_tx {
     bool refresh;
     int64_t refreshed, whole; /* times of the last renewal, and of the last whole picture */
     struct repair_window window;
-    struct stream_tx_slot queue[STREAM_TX_QUEUE];
 };
 
 void stream_tx_init(struct stream_tx *tx, const struct stream_tx_settings *settings, int64_t now);

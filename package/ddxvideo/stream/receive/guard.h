@@ -1,9 +1,9 @@
 /* SPDX-License-Identifier: GPL-2.0-or-later */
 /*
- * Checks datagrams before stream_rx.h gets them. With a key: packets pass that the key authenticates, decrypted. Without
- * a key: packets that are not encrypted (rtp.h, frame.encrypted), because a decoder cannot use an encrypted payload. All
- * others are refused and counted, and a line for each source has the reason. Forged packets with the SSRC of a stream on
- * display do not stop its repair packets.
+ * Checks datagrams before stream_rx.h gets them. With a key: packets pass that the key authenticates, decrypted.
+ * Without a key: packets that are not encrypted (rtp.h, frame.encrypted), because a decoder cannot use an encrypted
+ * payload. All others are refused and counted, and a line for each source has the reason. Forged packets with the SSRC
+ * of a stream on display do not stop its repair packets.
  *
  * No sockets, no clock. Nothing blocks. Fixed memory.
  */
