@@ -111,7 +111,7 @@ static void write_frame(struct input *input, unsigned n) {
         struct rtp_packet packet = {.type = RTP_H264, .marker = i + 1 == count, .sequence = sequence++, .ssrc = SSRC};
         packets[i] = (struct stream_tx_packet){data[i], rtp_write(data[i], &packet) + 1 + more};
     }
-    stream_tx_frame(&tx, now, frame++, packets, count);
+    stream_tx_packets(&tx, now, frame++, packets, count);
 }
 
 /* A repair packet covers packets that were sent, up to the newest one. */

@@ -43,7 +43,7 @@ static void write_frame(unsigned count, size_t size) {
         rtp_write(data[i], &packet);
         packets[i] = (struct stream_tx_packet){data[i], size};
     }
-    stream_tx_frame(&tx, now, frame++, packets, count);
+    stream_tx_packets(&tx, now, frame++, packets, count);
 }
 
 /* How many packets are due now, on each port. */
@@ -98,6 +98,70 @@ static void report_as(uint32_t reporter, uint64_t address, uint16_t highest, uin
 
 static void report(uint16_t highest, uint16_t base, uint16_t missing, int64_t age) {
     report_as(1, 1, highest, base, missing, age, FEEDBACK_USED);
+}
+
+/* An encoded frame: a NAL unit of this size. */
+static bool write_encoded(size_t size) {
+    static uint8_t data[400000] = {0, 0, 0, 1, 0x41};
+    struct rtp_packet packet = {.type = RTP_H264, .time = frame * 3600u, .frame = {.count = frame}};
+
+    CHECK(size + 4 <= sizeof data);
+    memset(data + 5, 1, size - 1);
+    frame++;
+    return stream_tx_frame(&tx, now, packet, data, size + 4);
+}
+
+/* Sends all that is due within a second; returns the number of media packets, and the numbers of the first and the last
+ * one. */
+static unsigned send_media(uint16_t *first, uint16_t *last) {
+    unsigned count = 0;
+    uint8_t data[REPAIR_MAX];
+    enum stream_tx_port port;
+    struct rtp_packet packet;
+    size_t size;
+
+    for (int64_t end = now + 1000 * MS; now < end; now += MS / 4)
+        while (stream_tx_next(&tx, now, data, &size, &port)) {
+            if (port != STREAM_TX_MEDIA)
+                continue;
+            CHECK(rtp_parse(data, size, &packet) && packet.ssrc == SSRC && packet.has_count);
+            *first = count ? *first : packet.sequence;
+            CHECK(!count || packet.sequence == (uint16_t)(*last + 1));
+            CHECK(packet.has_source == !count);
+            *last = packet.sequence;
+            count++;
+        }
+    CHECK(!count || packet.marker);
+    return count;
+}
+
+/* Frames become packets with consecutive numbers. A frame that has no room leaves a gap in them, and no packet; one of
+ * more packets than the queue ever holds leaves no gap. */
+static void check_frames(void) {
+    uint16_t first, last = 0, before;
+
+    begin(100000000);
+    tx.sequence = 65530;
+    CHECK(write_encoded(500));
+    CHECK_EQUAL(send_media(&first, &last), 1);
+    CHECK_EQUAL(first, 65530);
+    CHECK(write_encoded(12000));
+    CHECK_EQUAL(send_media(&first, &last), 11);
+    CHECK_EQUAL(first, 65531);
+    CHECK_EQUAL(last, 5);
+    CHECK(!write_encoded(STREAM_TX_QUEUE * RTP_ROOM));
+    CHECK_EQUAL(tx.waiting, 0);
+    CHECK(write_encoded(200000));
+    unsigned waiting = tx.waiting;
+    CHECK(!write_encoded(200000));
+    CHECK_EQUAL(tx.waiting, waiting);
+    CHECK_EQUAL(send_media(&first, &last), waiting);
+    CHECK_EQUAL(first, 6);
+    before = last;
+    CHECK(write_encoded(500));
+    CHECK_EQUAL(send_media(&first, &last), 1);
+    CHECK_EQUAL(first, (uint16_t)(before + 1 + waiting));
+    CHECK_EQUAL(tx.count[STREAM_TX_PACKETS], tx.count[STREAM_TX_SENT]);
 }
 
 /* The first three packets at once, so that a frame of usual size does not wait; the others within half an interval, at
@@ -401,6 +465,7 @@ static void check_clock(void) {
 }
 
 int main(void) {
+    check_frames();
     check_pacing();
     check_burst_of_waiting_frames();
     check_queue();

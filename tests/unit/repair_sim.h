@@ -140,7 +140,7 @@ static void write_frame(const struct run *run) {
     frame->level = before + ((count ? (double)size : 0) - before) / LEVEL;
     frame->number = frame_count ? frame[-1].number + (count > 0) : 0;
     if (count)
-        stream_tx_frame(&tx, now, (uint16_t)frame->number, packets, count);
+        stream_tx_packets(&tx, now, (uint16_t)frame->number, packets, count);
     video_bytes += frame_count < CALM ? 0 : count ? size : 0;
     frame_count++;
 }

@@ -63,6 +63,7 @@ void stream_tx_init(struct stream_tx *tx, const struct stream_tx_settings *setti
     tx->whole = now - WHOLE_EVERY;
     tx->patience = YIELD_MOST;
     tx->wire = settings->wire - settings->wire / 200;
+    tx->sequence = settings->media_sequence;
     budget_init(&tx->budget, tx->wire, BUCKET, BEGIN, now);
     feedback_init(&tx->feedback, settings->media_ssrc, settings->wire, now);
     repair_window_init(&tx->window, settings->media_ssrc, settings->repair_ssrc, settings->repair_sequence);
@@ -80,23 +81,70 @@ static bool enqueue(struct stream_tx *tx, int64_t now, uint16_t frame, const str
     return true;
 }
 
-unsigned stream_tx_room(const struct stream_tx *tx) {
-    return STREAM_TX_QUEUE - tx->waiting;
-}
-
-void stream_tx_frame(struct stream_tx *tx, int64_t now, uint16_t frame, const struct stream_tx_packet *packets,
-                     unsigned count) {
-    tx->count[STREAM_TX_PACKETS] += count;
+/* Another frame waits: packets of earlier frames count less from now on, and those that wait are paced. */
+static void begin_frame(struct stream_tx *tx, unsigned packets) {
+    tx->count[STREAM_TX_PACKETS] += packets;
     tx->media_share *= FADE;
     tx->repair_share *= FADE;
     tx->other_share *= FADE;
-    for (unsigned i = 0; i < count; i++)
-        tx->count[STREAM_TX_DROPPED] += !enqueue(tx, now, frame, &packets[i]);
     if (tx->waiting)
         tx->gap = tx->settings.interval / 2 / tx->waiting;
     if (tx->gap > GAP)
         tx->gap = GAP;
     tx->burst = BURST;
+}
+
+void stream_tx_packets(struct stream_tx *tx, int64_t now, uint16_t frame, const struct stream_tx_packet *packets,
+                       unsigned count) {
+    for (unsigned i = 0; i < count; i++)
+        tx->count[STREAM_TX_DROPPED] += !enqueue(tx, now, frame, &packets[i]);
+    begin_frame(tx, count);
+}
+
+/* The payloads of a frame, of either codec. */
+struct payloads {
+    uint8_t type;
+    struct h264_packer h264;
+    struct mpeg4_packer *mpeg4;
+};
+
+static void begin_payloads(struct payloads *payloads, const uint8_t *data, size_t size) {
+    if (payloads->type == RTP_H264)
+        h264_pack(&payloads->h264, data, size);
+    else
+        mpeg4_pack(payloads->mpeg4, data, size);
+}
+
+static size_t next_payload(struct payloads *payloads, uint8_t *to, bool *last) {
+    return payloads->type == RTP_H264 ? h264_pack_next(&payloads->h264, to, last)
+                                      : mpeg4_pack_next(payloads->mpeg4, to, last);
+}
+
+bool stream_tx_frame(struct stream_tx *tx, int64_t now, struct rtp_packet packet, const uint8_t *data, size_t size) {
+    struct payloads payloads = {.type = packet.type, .mpeg4 = &tx->mpeg4};
+    uint8_t payload[RTP_ROOM], bytes[RTP_PACKET_MAX];
+    unsigned before = tx->waiting, count = 0;
+    uint16_t sequence = tx->sequence;
+    size_t length;
+
+    packet.ssrc = tx->settings.media_ssrc;
+    packet.has_count = packet.has_source = true;
+    begin_payloads(&payloads, data, size);
+    for (; (length = next_payload(&payloads, payload, &packet.marker)) && count < STREAM_TX_QUEUE; count++) {
+        packet.sequence = sequence++;
+        size_t header = rtp_write(bytes, &packet);
+        memcpy(bytes + header, payload, length);
+        enqueue(tx, now, packet.frame.count, &(struct stream_tx_packet){bytes, header + length});
+        packet.has_source = false; /* once a frame, in its first packet */
+    }
+    if (!length) /* a frame that has no room now leaves a gap in the numbers */
+        tx->sequence = sequence;
+    if (length || tx->waiting - before < count) {
+        tx->waiting = before;
+        return false;
+    }
+    begin_frame(tx, count);
+    return true;
 }
 
 /* Sets the rate at which the bucket fills. While it is lower than -wire, the bucket holds less: its bytes would only

@@ -21,6 +21,8 @@
 #define DDXVIDEO_STREAM_TX_H
 
 #include "feedback.h"
+#include "h264.h"
+#include "mpeg4.h"
 #include "repair.h"
 
 #define STREAM_TX_QUEUE REPAIR_WAITING /* media packets that wait */
@@ -52,7 +54,7 @@ struct stream_tx_settings {
     double ratio;     /* of repair packets to media packets while no receiver has reported: STREAM_TX_RATIO */
     double others;    /* bytes of other packets for each byte of media, at least */
     uint32_t media_ssrc, repair_ssrc;
-    uint16_t repair_sequence; /* of the first repair packet, at random */
+    uint16_t media_sequence, repair_sequence; /* of the first packets, at random */
 };
 
 struct stream_tx_packet {
@@ -68,6 +70,8 @@ struct stream_tx {
     double link;          /* bit/s of the link when it was full, 0: never */
     int64_t followed;     /* time of the last change of the rate */
     struct feedback feedback;
+    uint16_t sequence; /* of the next media packet */
+    struct mpeg4_packer mpeg4;
     int64_t next, gap;                             /* earliest time of the next packet; ns between packets */
     unsigned burst;                                /* packets to send without a gap */
     int64_t sent;                                  /* time of the last packet */
@@ -89,13 +93,17 @@ void stream_tx_init(struct stream_tx *tx, const struct stream_tx_settings *setti
 /* Bytes that the next frame may have; 0: there is no room for a frame. Drop it without encoding it. */
 size_t stream_tx_allowance(struct stream_tx *tx, int64_t now);
 
-/* Packets that stream_tx_frame() accepts now; further ones are dropped. */
-unsigned stream_tx_room(const struct stream_tx *tx);
+/*
+ * Split an encoded frame into packets, which wait to be sent. `packet` has its type, time and frame, whose number rises
+ * by one; SSRC and sequence numbers are the stream's. False if there is no room for all packets: then none is sent, and
+ * the receivers notice that a frame is missing.
+ */
+bool stream_tx_frame(struct stream_tx *tx, int64_t now, struct rtp_packet packet, const uint8_t *data, size_t size);
 
-/* Add an encoded frame, in packets with consecutive sequence numbers; `frame`: its number, which rises by one. The
- * packets are copied. */
-void stream_tx_frame(struct stream_tx *tx, int64_t now, uint16_t frame, const struct stream_tx_packet *packets,
-                     unsigned count);
+/* The same for a frame, number `frame`, that is in packets already: their sequence numbers follow each other. Packets
+ * that find no room are dropped. */
+void stream_tx_packets(struct stream_tx *tx, int64_t now, uint16_t frame, const struct stream_tx_packet *packets,
+                       unsigned count);
 
 /* Use a datagram from the port for reports. `address`: a hash of its sender's address. */
 void stream_tx_report(struct stream_tx *tx, int64_t now, const uint8_t *data, size_t size, uint64_t address);

@@ -155,12 +155,10 @@ bool post_wants_refresh(struct post *post, size_t *whole) {
     return wants;
 }
 
-bool post_frame(struct post *post, uint16_t frame, int64_t written, const struct stream_tx_packet *packets,
-                unsigned count) {
+bool post_frame(struct post *post, int64_t written, const struct rtp_packet *packet, const uint8_t *data, size_t size) {
     pthread_mutex_lock(&post->lock);
-    bool taken = post->open < POST_FRAMES && count <= stream_tx_room(&post->tx);
+    bool taken = post->open < POST_FRAMES && stream_tx_frame(&post->tx, ddx_time_now(), *packet, data, size);
     if (taken) {
-        stream_tx_frame(&post->tx, ddx_time_now(), frame, packets, count);
         post->written[(post->first + post->open++) % POST_FRAMES] = written;
         send_due(post);
     }

@@ -53,11 +53,10 @@ size_t post_allowance(struct post *post);
 bool post_wants_refresh(struct post *post, size_t *whole);
 
 /*
- * Hand over the packets of an encoded frame, number `frame` of the stream, which was written at `written`. Its first
- * packet goes out before the call returns. False if there is no room: then no packet of it is taken.
+ * Hand over an encoded frame, which was written at `written`; `packet`: see stream_tx_frame(). Its first packet goes
+ * out before the call returns. False if there is no room: then no packet of it is sent.
  */
-bool post_frame(struct post *post, uint16_t frame, int64_t written, const struct stream_tx_packet *packets,
-                unsigned count);
+bool post_frame(struct post *post, int64_t written, const struct rtp_packet *packet, const uint8_t *data, size_t size);
 
 /* Whether another packet of this stream may go out, `size` bytes with IP and UDP headers; see stream_tx_other(). */
 bool post_other(struct post *post, size_t size);

@@ -124,7 +124,6 @@ static bool send_frame(struct sender *sender, const struct encoded *encoded, con
                        const struct ddxvideo_stamp *stamp) {
     const struct rtp_packet packet = {.type = (uint8_t)sender->type,
                                       .time = sender->time_offset + rtp_time(stamp->time),
-                                      .ssrc = sender->ssrc,
                                       .frame = {.capture = stamp->time + stamp->wall_offset,
                                                 .sequence = (uint32_t)frame->sequence,
                                                 .number = (uint32_t)stamp->frame,
@@ -133,8 +132,7 @@ static bool send_frame(struct sender *sender, const struct encoded *encoded, con
                                                 .count = sender->count}};
 
     sender->count++; /* even if it does not fit: the receiver must notice the missing frame */
-    return packets_make(&sender->packets, encoded, packet) &&
-           post_frame(&sender->post, packet.frame.count, frame->time, sender->packets.packet, sender->packets.count);
+    return post_frame(&sender->post, frame->time, &packet, encoded->data, encoded->size);
 }
 
 /* Once a second. */
@@ -380,6 +378,7 @@ static int start_post(struct sender *sender) {
                                           .others = sender->ts.port ? TS_PART : 0,
                                           .media_ssrc = sender->ssrc,
                                           .repair_ssrc = (uint32_t)program_random(),
+                                          .media_sequence = (uint16_t)program_random(),
                                           .repair_sequence = (uint16_t)program_random()};
 
     for (unsigned i = 0; i < sender->outlet.receivers; i++) {
@@ -408,7 +407,6 @@ int sender_run(struct sender *sender) {
                                          .count = sizeof names / sizeof *names};
     DDX_STORE_ID *id = wrong ? NULL : program_connect(&sender->program);
     sender->ssrc = (uint32_t)program_random();
-    sender->packets.sequence = (uint16_t)program_random();
     sender->time_offset = (uint32_t)program_random();
     sender->ts.ssrc = (uint32_t)program_random();
     sender->ts.sequence = (uint16_t)program_random();

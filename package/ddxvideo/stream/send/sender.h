@@ -7,7 +7,6 @@
 #include "as_420.h"
 #include "counters.h"
 #include "encoder.h"
-#include "packets.h"
 #include "post.h"
 #include "program.h"
 #include "ts.h"
@@ -49,7 +48,6 @@ struct sender {
     struct encoder encoder;
     bool described; /* the description is of this encoder's stream */
     size_t wanted;  /* requested bytes of the last frame */
-    struct packets packets;
     struct post post;
     struct outlet sent; /* the outlet's counters at the last check */
     bool awaited;       /* the item did not exist when the sender started: all of its frames count */
