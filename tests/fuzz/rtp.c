@@ -45,10 +45,20 @@ static void check_counts(const struct stream_rx *rx) {
     assert(count[STREAM_RX_REPAIR_RECEIVED] == known);
 }
 
+/* A sender accepts each report, and none is due at once again. */
+static void check_reports(struct stream_rx *rx, int64_t now) {
+    uint8_t data[REPORT_MAX];
+    struct report report;
+    size_t size = stream_rx_report(rx, now, now / MS % 2, data);
+    assert(!size || !report_parse(data, size, &report));
+    assert(stream_rx_report_deadline(rx) > now);
+}
+
 int LLVMFuzzerTestOneInput(const uint8_t *data, size_t size) {
     static struct stream_rx rx;
     int64_t now = MS;
-    stream_rx_init(&rx, 20 * MS, true);
+    stream_rx_init(&rx, &(struct stream_rx_settings){20 * MS, true, true, 77});
+    rx.report_header = 28;
     while (size >= 3) {
         bool repair = data[1] >> 7;
         size_t bytes = (size_t)((data[1] & 0x7f) << 8 | data[2]) % (RTP_DATAGRAM_MAX + 8);
@@ -60,12 +70,13 @@ int LLVMFuzzerTestOneInput(const uint8_t *data, size_t size) {
         uint8_t *datagram = malloc(bytes ? bytes : 1); /* exactly its size */
         memcpy(datagram, data, bytes);
         if (repair)
-            stream_rx_put_repair(&rx, datagram, bytes);
+            stream_rx_put_repair(&rx, datagram, bytes, now);
         else
             stream_rx_put(&rx, datagram, bytes, now);
         free(datagram);
         take_all(&rx, now);
         check_counts(&rx);
+        check_reports(&rx, now);
         data += bytes;
         size -= bytes;
     }

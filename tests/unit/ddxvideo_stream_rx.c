@@ -60,6 +60,10 @@ static void put(struct stream_rx *rx, const struct datagram *datagram) {
     free(copy);
 }
 
+static void begin_rx(struct stream_rx *rx, bool repairs) {
+    stream_rx_init(rx, &(struct stream_rx_settings){PATIENCE, repairs, true, 77});
+}
+
 static uint64_t count_of(const struct stream_rx *rx, enum stream_rx_count which) {
     return rx->count[which];
 }
@@ -94,7 +98,7 @@ static void check_order(const char *order, const char *expected, unsigned lost, 
     for (int wrap = 0; wrap < 2; wrap++) { /* also across a wrap of the sequence numbers */
         struct stream_rx rx;
         struct source source = {.ssrc = SSRC, .sequence = wrap ? 65533 : 100, .count = wrap ? 65530 : 0};
-        stream_rx_init(&rx, PATIENCE, true);
+        begin_rx(&rx, true);
         const char *found = play(&rx, &source, order);
         if (strcmp(found, expected))
             fprintf(stderr, "%s gives %s, not %s\n", order, found, expected);
@@ -134,7 +138,7 @@ static void test_frames(void) {
         struct source source = {.ssrc = SSRC};
         struct assembly_frame frame;
         unsigned found = 0, damaged = 0, incomplete = 0, bytes = 0;
-        stream_rx_init(&rx, PATIENCE, true);
+        begin_rx(&rx, true);
         for (unsigned i = 0; i < 12; i++) {
             struct datagram datagram = make(&source, i / 4, i % 4, 4);
             if (i != missing)
@@ -174,7 +178,7 @@ static void test_derived(void) {
     struct stream_rx rx;
     struct source source = {.ssrc = SSRC, .count = 65534};
     struct assembly_frame frame;
-    stream_rx_init(&rx, PATIENCE, true);
+    begin_rx(&rx, true);
     for (uint32_t i = 10; i < 20; i++) {
         for (unsigned index = 0; index < 2; index++) {
             struct datagram datagram = make(&source, i, index, 2);
@@ -209,7 +213,7 @@ static void test_counts(void) {
     struct datagram queue[QUEUE];
     unsigned waiting = 0, dropped = 0, duplicated = 0, strangers = 0, garbage = 0, frames = 0, missing = 0;
     struct assembly_frame frame;
-    stream_rx_init(&rx, PATIENCE, true);
+    begin_rx(&rx, true);
     for (unsigned i = 0; i < PACKETS; i++, now += 3 * MS) {
         struct datagram datagram = make(&source, i / 2, i % 2, 2);
         bool quiet = i < 2 || i >= PACKETS - 100; /* a loss at the very end is not noticed */
@@ -269,7 +273,7 @@ static unsigned send(struct stream_rx *rx, struct source *source, uint32_t frame
 static void test_sources(void) {
     struct stream_rx rx;
     struct source one = {.ssrc = SSRC, .sequence = 7}, two = {.ssrc = 0x2002, .sequence = 9000}, three = {.ssrc = 3};
-    stream_rx_init(&rx, PATIENCE, true);
+    begin_rx(&rx, true);
     for (uint32_t i = 0; i < 100; i++, now += 40 * MS) {
         CHECK_EQUAL(send(&rx, &one, i), 1);
         CHECK_EQUAL(send(&rx, &two, i), 0);
@@ -288,7 +292,7 @@ static void test_sources(void) {
     stream_rx_free(&rx);
 
     /* A single stray packet at the start does not block the stream. */
-    stream_rx_init(&rx, PATIENCE, true);
+    begin_rx(&rx, true);
     one = (struct source){.ssrc = SSRC};
     CHECK_EQUAL(send(&rx, &two, 0), 1);
     CHECK_EQUAL(send(&rx, &one, 0), 0);
@@ -302,7 +306,7 @@ static void test_quick_restart(void) {
     struct stream_rx rx;
     struct source one = {.ssrc = SSRC}, two = {.ssrc = 0x2002, .sequence = 65530}, stray = {.ssrc = 3};
     unsigned found = 0;
-    stream_rx_init(&rx, PATIENCE, true);
+    begin_rx(&rx, true);
     for (uint32_t i = 0; i < 5; i++, now += 40 * MS)
         found += send(&rx, &one, i);
     for (uint32_t i = 0; i < 20; i++, now += 40 * MS) {
@@ -334,7 +338,7 @@ static void test_jumps(void) {
     for (unsigned i = 0; i < sizeof(jumps) / sizeof(*jumps); i++) {
         struct stream_rx rx;
         struct source source = {.ssrc = SSRC, .sequence = 20000};
-        stream_rx_init(&rx, PATIENCE, true);
+        begin_rx(&rx, true);
         for (uint32_t frame = 0; frame < 10; frame++)
             CHECK_EQUAL(send(&rx, &source, frame), 1);
         source.sequence = (uint16_t)(source.sequence + jumps[i]);
@@ -352,7 +356,7 @@ static void test_jumps(void) {
 static void test_stray(void) {
     struct stream_rx rx;
     struct source source = {.ssrc = SSRC, .sequence = 20000}, stray = {.ssrc = SSRC, .sequence = 40000};
-    stream_rx_init(&rx, PATIENCE, true);
+    begin_rx(&rx, true);
     for (uint32_t frame = 0; frame < 20; frame++) {
         CHECK_EQUAL(send(&rx, &source, frame), 1);
         if (frame % 5 == 0) {
@@ -369,7 +373,7 @@ static void test_stray(void) {
 static void test_plain(void) {
     struct stream_rx rx;
     struct source source = {.ssrc = SSRC, .plain = true};
-    stream_rx_init(&rx, PATIENCE, true);
+    begin_rx(&rx, true);
     for (uint32_t i = 0; i < 10; i++)
         CHECK_EQUAL(send(&rx, &source, i), 1);
     stream_rx_free(&rx);
@@ -399,7 +403,7 @@ static void begin_source(struct pair *pair, uint32_t ssrc, uint16_t sequence) {
 static struct pair *new_pair(uint16_t sequence, bool repairs) {
     struct pair *pair = calloc(1, sizeof(*pair));
     begin_source(pair, SSRC, sequence);
-    stream_rx_init(&pair->rx, PATIENCE, repairs);
+    begin_rx(&pair->rx, repairs);
     return pair;
 }
 
@@ -431,7 +435,7 @@ static void send_repair(struct pair *pair) {
     size_t size = repair_make(&pair->window, pair->esi - REPAIR_PACKETS, data);
     uint8_t *copy = malloc(size);
     memcpy(copy, data, size);
-    stream_rx_put_repair(&pair->rx, copy, size);
+    stream_rx_put_repair(&pair->rx, copy, size, now);
     free(copy);
     take(pair);
 }
@@ -619,7 +623,7 @@ static void test_repair_of_sources(void) {
     send_repair(pair);
     CHECK_EQUAL(pair->came, 4 + 11);
     uint8_t data[REPAIR_MAX];
-    CHECK(!stream_rx_put_repair(&pair->rx, data, repair_make(&former, 0, data)));
+    CHECK(!stream_rx_put_repair(&pair->rx, data, repair_make(&former, 0, data), now));
     CHECK_EQUAL(count_of(&pair->rx, STREAM_RX_REPAIR_REFUSED), 1);
     end_pair(pair);
 }
@@ -636,7 +640,7 @@ static void test_repair_garbage(void) {
             data[next_random(16)] = (uint8_t)next_random(256); /* its header */
         if (i % 2 == 0)
             memset(data, (int)next_random(256), size = next_random(sizeof(data)));
-        stream_rx_put_repair(&pair->rx, data, size);
+        stream_rx_put_repair(&pair->rx, data, size, now);
         take(pair);
         if (pair->rx.restore.rows || pair->came > 1)
             break; /* one in many thousands is a repair packet after all */
@@ -649,8 +653,41 @@ static void test_repair_garbage(void) {
     end_pair(pair);
 }
 
+/* Reports are about the source that is followed. A source without our extension, and a silent receiver, get none. */
+static void test_reports(void) {
+    uint8_t data[REPORT_MAX];
+    struct report report;
+
+    for (unsigned kind = 0; kind < 3; kind++) { /* 1: another program's stream; 2: silent */
+        static struct stream_rx rx;
+        struct source source = {.ssrc = SSRC, .sequence = 100, .plain = kind == 1};
+
+        begin_rx(&rx, true);
+        rx.settings.reports = kind != 2;
+        rx.report_header = 28;
+        CHECK_EQUAL(stream_rx_report(&rx, now, false, data), 0);
+        for (unsigned i = 0; i < 4; i++) {
+            struct datagram datagram = make(&source, i, 0, 1);
+            if (i != 2)
+                put(&rx, &datagram);
+        }
+        CHECK_EQUAL(stream_rx_report_deadline(&rx), kind ? INT64_MAX : now);
+        size_t size = stream_rx_report(&rx, now, true, data);
+        CHECK_EQUAL(size, kind ? 0 : REPORT_MAX);
+        if (kind)
+            continue;
+        CHECK(!report_parse(data, size, &report) && report.has_state && report.refresh);
+        CHECK(report.reporter == 77 && report.media == SSRC && !report.has_repair);
+        CHECK(report.highest == 103 && report.base == 102 && report.missing == 1);
+        CHECK_EQUAL(stream_rx_report(&rx, now, true, data), 0);
+        CHECK(stream_rx_report_deadline(&rx) > now);
+        stream_rx_free(&rx);
+    }
+}
+
 int main(void) {
     test_order();
+    test_reports();
     test_frames();
     test_derived();
     test_counts();

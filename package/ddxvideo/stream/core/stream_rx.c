@@ -4,12 +4,11 @@
 #include <errno.h>
 #include <string.h>
 
-void stream_rx_init(struct stream_rx *rx, int64_t patience, bool repairs) {
+void stream_rx_init(struct stream_rx *rx, const struct stream_rx_settings *settings) {
     memset(rx, 0, offsetof(struct stream_rx, restore));
     restore_init(&rx->restore, 0);
     reorder_init(&rx->reorder);
-    rx->patience = patience;
-    rx->repairs = repairs;
+    rx->settings = *settings;
 }
 
 void stream_rx_free(struct stream_rx *rx) {
@@ -42,11 +41,16 @@ static void begin_repair(struct stream_rx *rx) {
     count_repair(rx);
 }
 
-bool stream_rx_put_repair(struct stream_rx *rx, const uint8_t *data, size_t size) {
+bool stream_rx_put_repair(struct stream_rx *rx, const uint8_t *data, size_t size, int64_t now) {
     int error = restore_repair(&rx->restore, data, size);
+    struct repair_packet packet;
 
     count_repair(rx);
-    return error != -EBADMSG && rx->followed;
+    if (error == -EBADMSG || !rx->followed)
+        return false;
+    if (rx->answers && repair_parse(data, size, &packet) && packet.media_ssrc == rx->reporter.media_ssrc)
+        reporter_repair(&rx->reporter, now, packet.sequence);
+    return true;
 }
 
 /* A media packet got its place, or was late. Skipped numbers are not waited for. */
@@ -126,6 +130,17 @@ static bool put(struct stream_rx *rx, const struct rtp_packet *packet, const uin
     return taken;
 }
 
+/* Notes a packet that came and has its place. */
+static bool note(struct stream_rx *rx, const struct rtp_packet *packet, int64_t now) {
+    if (!rx->settings.reports)
+        return true;
+    if (!rx->answers || rx->reporter.media_ssrc != packet->ssrc)
+        reporter_init(&rx->reporter, rx->settings.ssrc, packet->ssrc, rx->report_header, now);
+    rx->answers = packet->has_count;
+    reporter_media(&rx->reporter, now, packet->sequence, packet->time, packet->marker);
+    return true;
+}
+
 bool stream_rx_put(struct stream_rx *rx, const uint8_t *data, size_t size, int64_t now) {
     struct rtp_packet packet;
 
@@ -152,7 +167,7 @@ bool stream_rx_put(struct stream_rx *rx, const uint8_t *data, size_t size, int64
         rx->queued = 0;
     }
     rx->heard = now;
-    return put(rx, &packet, data, size, now, false);
+    return put(rx, &packet, data, size, now, false) && note(rx, &packet, now);
 }
 
 static void put_slot(struct stream_rx *rx, struct reorder_slot *slot, bool restored) {
@@ -221,7 +236,7 @@ static bool put_next(struct stream_rx *rx) {
 /* ---- Gaps ---- */
 
 static bool is_repairing(const struct stream_rx *rx) {
-    return rx->repairs && rx->window;
+    return rx->settings.repairs && rx->window;
 }
 
 /* Whether the sender's window has passed the packet that is due. */
@@ -244,7 +259,7 @@ static bool give_up(struct stream_rx *rx, int64_t now) {
 
 int64_t stream_rx_deadline(const struct stream_rx *rx) {
     int64_t since = reorder_waits_since(&rx->reorder);
-    int64_t patience = is_repairing(rx) ? STREAM_RX_REPAIR : rx->patience;
+    int64_t patience = is_repairing(rx) ? STREAM_RX_REPAIR : rx->settings.patience;
 
     return since > INT64_MAX - patience ? INT64_MAX : since + patience;
 }
@@ -285,4 +300,22 @@ bool stream_rx_take(struct stream_rx *rx, int64_t now, struct assembly_frame *fr
 
 bool stream_rx_take_last(struct stream_rx *rx, struct assembly_frame *frame) {
     return stream_rx_take(rx, INT64_MAX, frame) || assembly_close(&rx->assembly, true, frame);
+}
+
+/* ---- Reports ---- */
+
+/* Whether the reporter is about the source that is followed. */
+static bool is_reporting(const struct stream_rx *rx) {
+    return rx->answers && rx->restore.ssrc == rx->reporter.media_ssrc;
+}
+
+size_t stream_rx_report(struct stream_rx *rx, int64_t now, bool refresh, uint8_t *to) {
+    if (!is_reporting(rx))
+        return 0;
+    rx->reporter.refresh = refresh;
+    return reporter_next(&rx->reporter, now, &rx->restore, to);
+}
+
+int64_t stream_rx_report_deadline(const struct stream_rx *rx) {
+    return is_reporting(rx) ? reporter_deadline(&rx->reporter, &rx->restore) : INT64_MAX;
 }

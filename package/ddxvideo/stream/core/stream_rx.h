@@ -1,7 +1,8 @@
 /* SPDX-License-Identifier: GPL-2.0-or-later */
 /*
  * Makes encoded frames from datagrams: follows one source, puts its packets in order, and restores missing packets from
- * repair packets. No sockets, no codec, no clock. The input is not trusted.
+ * repair packets. Makes the reports on them for the sender (reporter.h). No sockets, no codec, no clock. The input is
+ * not trusted.
  *
  * Packets after a missing packet wait for it. While the sender sends repair packets, they wait as long as it can be
  * restored: until it is further back than the sender's window of frames or than REORDER_PACKETS, or for
@@ -16,7 +17,7 @@
 
 #include "assembly.h"
 #include "reorder.h"
-#include "restore.h"
+#include "reporter.h"
 
 #define STREAM_RX_SILENCE INT64_C(400000000) /* ns */
 #define STREAM_RX_REPAIR INT64_C(1000000000) /* ns that a packet waits for a missing one that may be restored */
@@ -52,10 +53,20 @@ enum stream_rx_count {
         "restored", "repair_received", "repair_refused", "repair_useless", "repair_expired", "repair_corrupt", \
         "repair_wrong"
 
+struct stream_rx_settings {
+    int64_t patience; /* ns that a packet waits for a missing one before it */
+    bool repairs;     /* wait longer for a missing packet, as long as it can be restored */
+    bool reports;     /* make reports */
+    uint32_t ssrc;    /* of this receiver, in reports, at random */
+};
+
 struct stream_rx {
     uint64_t count[STREAM_RX_COUNTS];
-    int64_t patience;
-    bool repairs; /* wait for a missing packet as long as it can be restored */
+    struct stream_rx_settings settings;
+    size_t
+        report_header; /* bytes that a report grows by: IP and UDP headers, encryption; set it for each packet's way */
+    bool answers;      /* the source is our sender's, which reads reports: */
+    struct reporter reporter;
     /* the source that is followed: */
     bool followed, confirmed;
     uint32_t ssrc;
@@ -82,8 +93,7 @@ struct stream_rx {
     struct reorder_slot queue[STREAM_RX_QUEUE];
 };
 
-/* `patience`: ns that a packet waits for a missing one before it; `repairs`: longer if that one may be restored. */
-void stream_rx_init(struct stream_rx *rx, int64_t patience, bool repairs);
+void stream_rx_init(struct stream_rx *rx, const struct stream_rx_settings *settings);
 void stream_rx_free(struct stream_rx *rx);
 
 /*
@@ -93,7 +103,7 @@ void stream_rx_free(struct stream_rx *rx);
 bool stream_rx_put(struct stream_rx *rx, const uint8_t *data, size_t size, int64_t now);
 
 /* The same for a datagram of the port for repair packets. True if it is a repair packet of the followed source. */
-bool stream_rx_put_repair(struct stream_rx *rx, const uint8_t *data, size_t size);
+bool stream_rx_put_repair(struct stream_rx *rx, const uint8_t *data, size_t size, int64_t now);
 
 /* The next frame, if there is one. */
 bool stream_rx_take(struct stream_rx *rx, int64_t now, struct assembly_frame *frame);
@@ -104,5 +114,14 @@ bool stream_rx_take_last(struct stream_rx *rx, struct assembly_frame *frame);
 
 /* The time at which stream_rx_take() can return a frame without a new datagram; INT64_MAX: never. */
 int64_t stream_rx_deadline(const struct stream_rx *rx);
+
+/*
+ * Write the report that is due to to[REPORT_MAX], for the address from which the followed source's packets come.
+ * `refresh`: also request a renewal of the picture. Returns its size; 0: none is due.
+ */
+size_t stream_rx_report(struct stream_rx *rx, int64_t now, bool refresh, uint8_t *to);
+
+/* The time at which a report is due without a new packet; INT64_MAX: never. */
+int64_t stream_rx_report_deadline(const struct stream_rx *rx);
 
 #endif

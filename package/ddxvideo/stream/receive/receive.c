@@ -7,9 +7,10 @@
 #include <poll.h>
 #include <stdlib.h>
 #include <string.h>
+#include <sys/socket.h>
 
 static const char *const reasons[] = VIEWER_REASONS;
-static const char *const names[] = {STREAM_RX_NAMES, GUARD_NAMES, ANSWER_NAMES, LINK_NAMES};
+static const char *const names[] = {STREAM_RX_NAMES, GUARD_NAMES, VIEWER_REPORT_NAMES, LINK_NAMES};
 
 #define MS INT64_C(1000000)
 #define NS INT64_C(1000000000)
@@ -29,11 +30,11 @@ static void fail(struct viewer *viewer, const char *what, const char *why) {
 
 /* What the link does now. */
 static uint64_t *link_of(struct viewer *viewer) {
-    uint64_t *figures = viewer->packets + STREAM_RX_COUNTS + GUARD_COUNTS + ANSWER_COUNTS;
+    uint64_t *figures = viewer->packets + STREAM_RX_COUNTS + GUARD_COUNTS + VIEWER_REPORT_COUNTS;
 
     link_figures(&viewer->link, ddx_time_now(), figures);
-    figures[LINK_LOSS] = reporter_loss(&viewer->answer.reporter);
-    figures[LINK_RUN] = (uint64_t)(viewer->answer.reporter.run_mean * 10 + 0.5);
+    figures[LINK_LOSS] = reporter_loss(&viewer->rx.reporter);
+    figures[LINK_RUN] = (uint64_t)(viewer->rx.reporter.run_mean * 10 + 0.5);
     return figures;
 }
 
@@ -42,7 +43,7 @@ static void show_counters(struct viewer *viewer) {
 
     memcpy(to, viewer->rx.count, sizeof viewer->rx.count);
     memcpy(to + STREAM_RX_COUNTS, viewer->guard.count, sizeof viewer->guard.count);
-    memcpy(to + STREAM_RX_COUNTS + GUARD_COUNTS, viewer->answer.count, sizeof viewer->answer.count);
+    memcpy(to + STREAM_RX_COUNTS + GUARD_COUNTS, viewer->reports, sizeof viewer->reports);
     link_of(viewer);
     counters_write(&viewer->counters);
 }
@@ -137,6 +138,18 @@ static void take_frames(struct viewer *viewer) {
         handle(viewer, &frame);
 }
 
+/* Reports go to the address and port that media packets come from, so that they pass a router with address
+ * translation. */
+static void put_media(struct viewer *viewer, const uint8_t *data, size_t size, const struct sockaddr_storage *from,
+                      int64_t now) {
+    struct network_address address;
+
+    viewer->rx.report_header = (network_from(&address, from) ? network_overhead(&address) : 0) +
+                               (viewer->guard.secure ? SECURE_REPORT_GROWTH : 0);
+    if (stream_rx_put(&viewer->rx, data, size, now))
+        viewer->from = *from;
+}
+
 /* A datagram that came to one of the ports. False if there is none. */
 static bool read_packet(struct viewer *viewer, enum inlet_port port) {
     uint8_t data[RTP_DATAGRAM_MAX + SECURE_ROOM] __attribute__((aligned(4)));
@@ -148,11 +161,10 @@ static bool read_packet(struct viewer *viewer, enum inlet_port port) {
     if (came < 0)
         return false;
     link_packet(&viewer->link, port == INLET_REPAIR, size, now);
-    if (port == INLET_REPAIR && guard_repair(&viewer->guard, data, &size) &&
-        stream_rx_put_repair(&viewer->rx, data, size))
-        answer_repair(&viewer->answer, data, size, now);
-    if (port == INLET_MEDIA && guard_media(&viewer->guard, data, &size) && stream_rx_put(&viewer->rx, data, size, now))
-        answer_media(&viewer->answer, data, size, &from, now);
+    if (port == INLET_REPAIR && guard_repair(&viewer->guard, data, &size))
+        stream_rx_put_repair(&viewer->rx, data, size, now);
+    if (port == INLET_MEDIA && guard_media(&viewer->guard, data, &size))
+        put_media(viewer, data, size, &from, now);
     take_frames(viewer);
     if (viewer->rx.followed)
         guard_show(&viewer->guard, viewer->rx.ssrc);
@@ -187,7 +199,7 @@ static void wait_for_packets(const struct viewer *viewer) {
     struct pollfd wanted[INLET_PORTS];
     int64_t now = ddx_time_now(), limit = viewer->screen.tick && !viewer->screen.each ? WINDOW : IDLE;
     int64_t gap = stream_rx_deadline(&viewer->rx);
-    int64_t report = answer_deadline(&viewer->answer, &viewer->rx.restore);
+    int64_t report = stream_rx_report_deadline(&viewer->rx);
     int64_t until = gap < report ? gap : report;
     int64_t wait = until <= now ? 0 : until - now < limit ? until - now : limit;
     const struct timespec timeout = {.tv_nsec = (long)wait};
@@ -197,9 +209,22 @@ static void wait_for_packets(const struct viewer *viewer) {
     ppoll(wanted, INLET_PORTS, &timeout, NULL);
 }
 
+static bool send_report(const struct viewer *viewer, uint8_t *data, size_t size) {
+    socklen_t length = viewer->from.ss_family == AF_INET ? sizeof(struct sockaddr_in) : sizeof(struct sockaddr_in6);
+
+    if (viewer->guard.secure && secure_protect_report(viewer->guard.secure, data, &size))
+        return false;
+    return sendto(viewer->inlet.fd[INLET_MEDIA], data, size, MSG_DONTWAIT | MSG_NOSIGNAL,
+                  (const struct sockaddr *)&viewer->from, length) >= 0;
+}
+
+/* Sends the report that is due. Nothing waits. */
 static void report(struct viewer *viewer) {
-    answer_send(&viewer->answer, viewer->inlet.fd[INLET_MEDIA], &viewer->rx.restore,
-                decoder_wants_renewal(&viewer->decoder), ddx_time_now());
+    uint8_t data[REPORT_MAX + SECURE_ROOM] __attribute__((aligned(4)));
+    size_t size = stream_rx_report(&viewer->rx, ddx_time_now(), decoder_wants_renewal(&viewer->decoder), data);
+
+    if (size)
+        viewer->reports[send_report(viewer, data, size) ? VIEWER_REPORTS : VIEWER_REPORTS_LOST]++;
 }
 
 static void tell_link(struct viewer *viewer) {
@@ -288,7 +313,11 @@ static bool prepare(struct viewer *viewer) {
     error = inlet_open_repair(&viewer->inlet);
     if (error)
         say("port %ld: %s; going on without repair packets", viewer->inlet.port + NETWORK_REPAIR, strerror(-error));
-    stream_rx_init(&viewer->rx, viewer->patience * MS, !viewer->conceal && !error);
+    const struct stream_rx_settings settings = {.patience = viewer->patience * MS,
+                                                .repairs = !viewer->conceal && !error,
+                                                .reports = !viewer->silent,
+                                                .ssrc = (uint32_t)program_random()};
+    stream_rx_init(&viewer->rx, &settings);
     if (!viewer->headless && !viewer->screen.show)
         show_in_window(viewer);
     viewer->newest.picture = av_frame_alloc();
@@ -306,8 +335,6 @@ int viewer_run(struct viewer *viewer) {
         say("-instance %s: %s", viewer->program.instance, ddx_error_text(-errno));
         return EXIT_USAGE;
     }
-    viewer->answer.ssrc = (uint32_t)program_random();
-    viewer->answer.secure = viewer->guard.secure;
     av_log_set_level(AV_LOG_FATAL); /* the input is not trusted */
     viewer->counters = (struct counters){.instance = viewer->program.instance,
                                          .names = names,

@@ -5,7 +5,6 @@
 
 #include <stdatomic.h>
 
-#include "answer.h"
 #include "counters.h"
 #include "decoder.h"
 #include "guard.h"
@@ -43,12 +42,16 @@ struct viewer_screen {
     bool each;
 };
 
+enum viewer_report { VIEWER_REPORTS, VIEWER_REPORTS_LOST, VIEWER_REPORT_COUNTS };
+#define VIEWER_REPORT_NAMES "reports", "reports_lost"
+
 struct viewer {
     /* settings: */
     struct program program;
     struct inlet inlet;
     long patience; /* ms that a packet waits for a missing one before it */
     bool headless, print;
+    bool silent;                 /* send no reports */
     struct viewer_screen screen; /* show: NULL for decode's window, which `headless` leaves out */
     bool conceal;                /* show damaged pictures */
     struct output_item output;
@@ -57,10 +60,11 @@ struct viewer {
     DDX_STORE_ID *id; /* NULL: no store here */
     DDX_STATS_BOOK *book;
     struct counters counters;
-    uint64_t packets[STREAM_RX_COUNTS + GUARD_COUNTS + ANSWER_COUNTS + LINK_COUNTS]; /* values of the counters */
+    uint64_t packets[STREAM_RX_COUNTS + GUARD_COUNTS + VIEWER_REPORT_COUNTS + LINK_COUNTS]; /* values of the counters */
     struct link link;
     struct stream_rx rx;
-    struct answer answer;
+    struct sockaddr_storage from; /* where the followed source's packets come from */
+    uint64_t reports[VIEWER_REPORT_COUNTS];
     struct decoder decoder;
     struct display *display; /* NULL: no window */
     struct newest newest;
