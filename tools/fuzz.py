@@ -65,7 +65,7 @@ def build(target: str, broken: bool) -> pathlib.Path:
         tree, switches = defects.COPY, ["-include", str(defects.FOLDER / "broken.h")]
     package, names, needed = TARGETS[target]
     folders = [LOG / "mcap", FORM, VIDEO / "stream", VIDEO / "stream/core", VIDEO / "coded", VIDEO / "common",
-               VIDEO / "include", TOP / "package/ddx/include"]
+               VIDEO / "include", TOP / "package/ddx/include", TOP / "package/ddx/program"]
     libraries = OUTPUT / "desk/root" / native.LIBRARIES
     sources = [TOP / f"tests/fuzz/{target}.c", *(tree / (package / name).relative_to(TOP) for name in names)]
 

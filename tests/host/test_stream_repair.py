@@ -113,7 +113,8 @@ class Robot:
 
 @pytest.fixture
 def robot(stream: Stream, compile_client: Compiler) -> Iterator[Robot]:
-    robot = Robot(stream, compile_client("repair_maker", words=[f"-iquote{TOP}/package/ddxvideo/common"]))
+    folders = [f"-iquote{TOP}/package/{name}" for name in ("ddxvideo/common", "ddx/program")]
+    robot = Robot(stream, compile_client("repair_maker", words=folders))
     robot.add(encode(H264, 10, "64x48"))
     yield robot
     robot.end()

@@ -4,18 +4,7 @@
 #include <errno.h>
 #include <math.h>
 
-#define MANY 4
-#define LATE_SURE 1.0               /* standard deviations that are added for frames that are late, */
-#define VERY_LATE_SURE 2.0          /* and very late */
-#define QUIET 8                     /* packets lost in sequence, after which nothing seems to get through */
-#define QUIET_IN_RUNS 1             /* the same where losses come in runs */
-#define UNKNOWN 60                  /* probes without an answer, after which the receiver does not seem to know them */
-#define PROBES 3                    /* sent for each report in that case */
-#define LOSS_MOST 0.5               /* a higher loss counts as this */
-#define SHORT_WAY INT64_C(12000000) /* ns there and back */
-#define LEAST_PERIOD INT64_C(5000000000) /* ns in which the shortest round trip is looked for */
-#define QUEUE_PERIOD INT64_C(80000000)   /* ns; at most two frames */
-#define RUN_LONGEST 16                   /* a longer run is an outage, which ends by itself */
+#include "tuning.h"
 
 /* The send time of the newest packet that arrived. */
 static int64_t newest_arrival(const struct history *media, const struct history *repairs, uint32_t highest,
@@ -36,7 +25,7 @@ static uint64_t newest_total(const struct history *media, const struct history *
 /* Compares the shortest round trip of a short period with that of the last seconds: the difference is a queue.
  * `arrived`: when the newest packet arrived, `total`: bytes sent with it. */
 static void learn_queue(struct deficit *deficit, int64_t now, int64_t trip, int64_t arrived, uint64_t total) {
-    if (!deficit->begun || now - deficit->least_begun >= LEAST_PERIOD) {
+    if (!deficit->begun || now - deficit->least_begun >= tuning.trip_period) {
         deficit->trip_least[1] = deficit->begun ? deficit->trip_least[0] : trip;
         deficit->trip_least[0] = trip;
         deficit->least_begun = now;
@@ -47,11 +36,11 @@ static void learn_queue(struct deficit *deficit, int64_t now, int64_t trip, int6
         deficit->trip_now = trip;
     int64_t least = deficit->trip_least[0] < deficit->trip_least[1] ? deficit->trip_least[0] : deficit->trip_least[1];
     deficit->delay = trip - least;
-    if (deficit->begun && now - deficit->queue_begun < QUEUE_PERIOD)
+    if (deficit->begun && now - deficit->queue_begun < tuning.queue_period)
         return;
-    bool full = deficit->queue > DEFICIT_QUEUE;
+    bool full = deficit->queue > tuning.queue;
     deficit->queue = deficit->trip_now - least;
-    full &= deficit->queue > DEFICIT_QUEUE;
+    full &= deficit->queue > tuning.queue;
     deficit->link = full && arrived > deficit->queue_time && total > deficit->queue_total
                         ? (double)(total - deficit->queue_total) * 8e9 / (double)(arrived - deficit->queue_time)
                         : 0;
@@ -64,7 +53,8 @@ static void learn_queue(struct deficit *deficit, int64_t now, int64_t trip, int6
 /* `run` packets were lost after the last one that arrived. When packets arrive again, the run before it is over. */
 static void learn_run(struct deficit *deficit, unsigned run) {
     if (run < deficit->run)
-        deficit->run_mean += ((deficit->run < RUN_LONGEST ? deficit->run : RUN_LONGEST) - deficit->run_mean) / 8;
+        deficit->run_mean +=
+            ((deficit->run < tuning.run_packets_most ? deficit->run : tuning.run_packets_most) - deficit->run_mean) / 8;
     deficit->run = run;
 }
 
@@ -74,13 +64,13 @@ static void learn_run(struct deficit *deficit, unsigned run) {
  * arrive or none, and more packets would not help.
  */
 static unsigned enough(const struct deficit *deficit, unsigned needed, int64_t age) {
-    double loss = deficit->loss < LOSS_MOST ? deficit->loss : LOSS_MOST;
+    double loss = deficit->loss < tuning.loss_most ? deficit->loss : tuning.loss_most;
 
-    if (deficit->run_mean > DEFICIT_IN_RUNS)
+    if (deficit->run_mean > tuning.in_runs_packets)
         return needed;
-    age += deficit->trip > SHORT_WAY ? 2 * (deficit->trip - SHORT_WAY) : 0;
-    double sure = age < DEFICIT_LATE ? 0 : age < DEFICIT_VERY_LATE ? LATE_SURE : VERY_LATE_SURE;
-    if (needed < MANY && age < DEFICIT_LATE)
+    age += deficit->trip > tuning.short_trip ? 2 * (deficit->trip - tuning.short_trip) : 0;
+    double sure = age < tuning.late ? 0 : age < tuning.very_late ? tuning.late_sure : tuning.very_late_sure;
+    if (needed < tuning.many_packets && age < tuning.late)
         return needed;
     return (unsigned)((needed + sure * sqrt(needed * loss)) / (1 - loss) + 0.5);
 }
@@ -99,10 +89,10 @@ static unsigned flying(const struct deficit *deficit, const struct history *repa
 
 /* Finds the end of an outage. A receiver that does not know probes gets repair packets instead, one at a time. */
 static void search(struct deficit *deficit, unsigned coming, unsigned probing) {
-    bool known = deficit->probed < UNKNOWN;
+    bool known = deficit->probed < tuning.probes_unanswered;
 
     if (!coming && !probing)
-        deficit->probes = known ? PROBES : 1;
+        deficit->probes = known ? tuning.probes : 1;
     deficit->wanted = !known && !coming;
 }
 
@@ -112,14 +102,15 @@ static void decide(struct deficit *deficit, const struct history *media, const s
     learn_run(deficit, history_between(media, deficit->arrival, deficit->covered) +
                            history_between(repairs, deficit->arrival, deficit->covered));
     deficit->needed = deficit->missing;
-    if (deficit->delay <= DEFICIT_QUEUE) /* else the newest packets may wait before the link, and repair as well */
+    if (deficit->delay <= tuning.queue) /* else the newest packets may wait before the link, and repair as well */
         deficit->needed += history_until(media, deficit->highest, deficit->covered);
     deficit->wanted = deficit->probes = 0;
     if (!deficit->needed)
         return;
     deficit->first = deficit->missing ? deficit->base : deficit->highest + 1;
     unsigned packets = enough(deficit, deficit->needed, now - history_written(media, deficit->first));
-    if (deficit->run >= (deficit->run_mean > DEFICIT_IN_RUNS ? QUIET_IN_RUNS : QUIET))
+    if (deficit->run >=
+        (deficit->run_mean > tuning.in_runs_packets ? tuning.quiet_packets_in_runs : tuning.quiet_packets))
         search(deficit, coming, probing);
     else if (packets > coming)
         deficit->wanted = packets - coming;
@@ -158,7 +149,7 @@ int deficit_report(struct deficit *deficit, const struct history *media, const s
     int64_t trip = now - arrival - report->age;
     if (trip < 0)
         return -EBADMSG;
-    int64_t covered = arrival + (report->age > DEFICIT_MARGIN ? report->age - DEFICIT_MARGIN : 0);
+    int64_t covered = arrival + (report->age > tuning.jitter ? report->age - tuning.jitter : 0);
     if (deficit->begun && covered < deficit->covered)
         return -ESTALE;
     learn_queue(deficit, now, trip, now - report->age,

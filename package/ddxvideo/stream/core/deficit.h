@@ -10,8 +10,8 @@
  * Rules, each found in the simulation (tests/unit/ddxvideo_repair_sim.c):
  * - Only reports request repair packets. If they were repeated after a time, each of them would be sent twice on a
  *   link with a long delay.
- * - At first one packet for each missing one, some more if many are missing. After DEFICIT_LATE, and again after
- *   DEFICIT_VERY_LATE, more of them, so that enough arrive in all likelihood: few frames get that old, and the pictures
+ * - At first one packet for each missing one, some more if many are missing. After 60 ms, and again after 80
+ *   ms (tuning.h), more of them, so that enough arrive in all likelihood: few frames get that old, and the pictures
  *   of all later frames depend on them.
  * - With a long delay fewer answers fit in 100 ms, so missing packets count as older than they are (round trip 20 ms:
  *   98.4 to 99.3 % usable at 30 % loss, 40 ms: 93.5 to 97.4 %). From 60 ms on, a fixed ratio without reports is better.
@@ -27,12 +27,6 @@
 
 #include "history.h"
 #include "report.h"
-
-#define DEFICIT_MARGIN INT64_C(3000000)     /* ns, jitter that does not count as a loss */
-#define DEFICIT_LATE INT64_C(60000000)      /* ns since the oldest missing frame was handed over */
-#define DEFICIT_VERY_LATE INT64_C(80000000) /* ns */
-#define DEFICIT_QUEUE INT64_C(20000000)     /* ns that packets wait before the link, above which it is full */
-#define DEFICIT_IN_RUNS 2.0                 /* mean length of runs; above it, losses certainly come in runs */
 
 struct deficit {
     bool begun;

@@ -3,7 +3,8 @@
 
 #include <errno.h>
 
-#define SECOND INT64_C(1000000000)
+#include "tuning.h"
+
 #define LOSS_MEMORY 10e9 /* ns */
 #define REPORTS 200      /* read from a reporter in a second */
 #define CLAIMS_DEPTH (4 * SECOND)
@@ -195,7 +196,7 @@ static bool has_runs(const struct feedback *feedback, int64_t now) {
     for (unsigned i = 0; i < FEEDBACK_REPORTERS; i++) {
         const struct deficit *deficit = &feedback->reporter[i].deficit;
 
-        if (is_active(&feedback->reporter[i], now) && deficit->run_mean > DEFICIT_IN_RUNS && deficit->loss > 0)
+        if (is_active(&feedback->reporter[i], now) && deficit->run_mean > tuning.in_runs_packets && deficit->loss > 0)
             return true;
     }
     return false;

@@ -6,65 +6,20 @@
 #include <string.h>
 
 #include "bits.h"
+#include "tuning.h"
 
-#define MS INT64_C(1000000)
-#define SECOND INT64_C(1000000000)
-#define BUCKET (300 * MS)
-#define FULL 0.85 /* fill level of the bucket, kept for bursts of reported losses */
-#define FULL_IN_RUNS \
-    0.5                     /* the same where losses come in runs: after each run the bucket is less full, and
-                               smaller frames for a while would look worse than a bucket that is never full */
-#define FULL_ONE_WAY 0.5    /* the same without reports, for frames of different sizes only */
-#define BEGIN 0.5           /* how full it is at first; with 0.5 % less than the rate the mean of 30 s is never more */
-#define HORIZON 4           /* frames in which the fill level is restored */
-#define HORIZON_IN_RUNS 12  /* the same where losses come in runs */
-#define RUNS_BEGIN 1.4      /* mean length of runs at 30 % independent loss; from one more on, all come in runs */
-#define FADE (1 - 1.0 / 75) /* of the shares, each frame */
-#define SPARE 0.25          /* fill level up to which a single receiver cannot empty the bucket */
-#define OUTAGE 20           /* packets lost in sequence, after which most frames are left out */
-#define LINK_FULL (50 * MS) /* ns that packets wait before the link, above which frames are left out */
-#define LINK_FULL_NOW (65 * MS) /* the same, of the last packet that arrived, while others are on their way */
-#define LINK_FULL_PART 0.25     /* of the rate that a frame has then, if it is not left out */
-#define LINK_STEP (100 * MS)    /* from one change of the rate to the next */
-#define LINK_BUCKET (80 * MS)   /* what the bucket holds while the link is slower than -wire */
-#define LINK_DRAIN 0.85         /* of the link's rate, while there is a queue */
-#define LINK_FALL 0.5           /* of the rate, at least, in one step: less than the link's rate may have arrived */
-#define LINK_RISE 1.15
-#define LINK_SLOWLY 1.05
-#define LINK_LEAST 50e3          /* bit/s */
-#define LINK_PART 0.3            /* of -wire, at least: delays can be forged */
-#define WHOLE_EVERY (4 * SECOND) /* from one whole picture to the next */
-#define WHOLE_PART 0.35          /* of the bytes in the bucket, for one: it waits 0.1 s before a link of this rate */
-#define YIELD 2                  /* most frames that are left out in sequence for repair or in an outage, */
-#define YIELD_MOST 40            /* most of them at once, */
-#define YIELD_PART 0.3           /* and of all frames on average */
-#define LEAST 100                /* bytes of a frame; less is not worth its headers */
-#define LEAST_PART 0.30    /* of the rate that frames get, however much repair is wanted: else it leaves bad pictures */
-#define LEAST_ALONE 0.45   /* the same for a single receiver */
-#define FRAME_HEADERS 40   /* bytes of the RTP header of a frame's first packet */
-#define GAP MS             /* between packets, at most */
-#define BURST 3            /* packets of a frame that go at once: few frames are larger, and 3.6 kB fit each queue */
-#define STOPPED (200 * MS) /* without reports: they have just stopped */
-#define SILENT (300 * MS)  /* without reports: probably an outage in both directions */
-#define REDUCED 0.5        /* of the rate, then */
-#define FEWER 0.85         /* of the repair packets: they are still as long as the larger frames before */
-#define ADVANCE_FRAMES 8
-#define LONGER 1.1       /* a repair packet than a media packet */
-#define OUT_OF_STEP 64   /* media packets, after which one more repair packet goes */
-#define MORE_IN_RUNS 0.6 /* repair packets for each media packet that are added where losses come in runs */
-#define ADVANCE_WHOLE 3  /* each third one covers the whole window */
-#define FIXED 12         /* bytes of an RTP header */
+#define FIXED 12 /* bytes of an RTP header */
 
 void stream_tx_init(struct stream_tx *tx, const struct stream_tx_settings *settings, int64_t now) {
     memset(tx, 0, offsetof(struct stream_tx, window));
     tx->settings = *settings;
     tx->next = now;
     tx->refreshed = now - SECOND;
-    tx->whole = now - WHOLE_EVERY;
-    tx->patience = YIELD_MOST;
+    tx->whole = now - tuning.whole_every;
+    tx->patience = tuning.skip_frames_most;
     tx->wire = settings->wire - settings->wire / 200;
     tx->sequence = settings->media_sequence;
-    budget_init(&tx->budget, tx->wire, BUCKET, BEGIN, now);
+    budget_init(&tx->budget, tx->wire, tuning.bucket, tuning.fill_first, now);
     feedback_init(&tx->feedback, settings->media_ssrc, settings->wire, now);
     repair_window_init(&tx->window, settings->media_ssrc, settings->repair_ssrc, settings->repair_sequence);
 }
@@ -84,14 +39,14 @@ static bool enqueue(struct stream_tx *tx, int64_t now, uint16_t frame, const str
 /* Another frame waits: packets of earlier frames count less from now on, and those that wait are paced. */
 static void begin_frame(struct stream_tx *tx, unsigned packets) {
     tx->count[STREAM_TX_PACKETS] += packets;
-    tx->media_share *= FADE;
-    tx->repair_share *= FADE;
-    tx->other_share *= FADE;
+    tx->media_share *= tuning.shares_kept;
+    tx->repair_share *= tuning.shares_kept;
+    tx->other_share *= tuning.shares_kept;
     if (tx->waiting)
         tx->gap = tx->settings.interval / 2 / tx->waiting;
-    if (tx->gap > GAP)
-        tx->gap = GAP;
-    tx->burst = BURST;
+    if (tx->gap > tuning.packet_gap)
+        tx->gap = tuning.packet_gap;
+    tx->burst = tuning.burst_packets;
 }
 
 void stream_tx_packets(struct stream_tx *tx, int64_t now, uint16_t frame, const struct stream_tx_packet *packets,
@@ -150,14 +105,14 @@ bool stream_tx_frame(struct stream_tx *tx, int64_t now, struct rtp_packet packet
 /* Sets the rate at which the bucket fills. While it is lower than -wire, the bucket holds less: its bytes would only
  * wait in the link's queue. */
 static void set_rate(struct stream_tx *tx, double rate) {
-    double most = (double)tx->wire, least = fmax(LINK_LEAST, most * LINK_PART);
+    double most = (double)tx->wire, least = fmax(tuning.link_least_bits, most * tuning.link_least_share);
     int64_t packet = (int64_t)(2 * RTP_PACKET_MAX * 8 * (double)SECOND / rate);
 
     rate = rate > most ? most : rate < least ? least : rate;
     tx->budget.rate = (int64_t)rate;
-    tx->budget.depth = rate >= most ? BUCKET : packet > LINK_BUCKET ? packet : LINK_BUCKET;
-    if (tx->budget.depth > BUCKET)
-        tx->budget.depth = BUCKET;
+    tx->budget.depth = rate >= most ? tuning.bucket : packet > tuning.link_bucket ? packet : tuning.link_bucket;
+    if (tx->budget.depth > tuning.bucket)
+        tx->budget.depth = tuning.bucket;
 }
 
 /*
@@ -169,18 +124,18 @@ static void follow_link(struct stream_tx *tx, int64_t now) {
     const struct deficit *nearest = feedback_nearest(&tx->feedback, now);
     double rate = (double)tx->budget.rate;
 
-    if (!nearest || now - tx->followed < LINK_STEP)
+    if (!nearest || now - tx->followed < tuning.link_step)
         return;
     if (nearest->link > 0) {
         tx->link = nearest->link;
         tx->followed = now;
-        if (rate > LINK_DRAIN * tx->link)
-            set_rate(tx, fmax(LINK_DRAIN * tx->link, LINK_FALL * rate));
-    } else if (nearest->queue < DEFICIT_QUEUE / 2 && tx->budget.rate < tx->wire) {
-        bool near = rate > 0.8 * tx->link && rate < 1.1 * tx->link;
+        if (rate > tuning.link_drain * tx->link)
+            set_rate(tx, fmax(tuning.link_drain * tx->link, tuning.link_fall * rate));
+    } else if (nearest->queue < tuning.queue / 2 && tx->budget.rate < tx->wire) {
+        bool near = rate > tuning.link_near_least * tx->link && rate < tuning.link_near_most * tx->link;
 
         tx->followed = now;
-        set_rate(tx, rate * (near ? LINK_SLOWLY : LINK_RISE));
+        set_rate(tx, rate * (near ? tuning.link_rise_slowly : tuning.link_rise));
     }
 }
 
@@ -198,10 +153,10 @@ bool stream_tx_wants_refresh(struct stream_tx *tx, int64_t now, size_t *whole) {
     tx->refresh = false;
     tx->refreshed = now;
     *whole = 0;
-    if (now - tx->whole < WHOLE_EVERY)
+    if (now - tx->whole < tuning.whole_every)
         return true;
     tx->whole = now;
-    *whole = (size_t)((double)budget_tokens(&tx->budget, now) * WHOLE_PART / (1 + tx->settings.others));
+    *whole = (size_t)((double)budget_tokens(&tx->budget, now) * tuning.whole_share / (1 + tx->settings.others));
     return true;
 }
 
@@ -216,17 +171,17 @@ static int64_t sent_at(struct stream_tx *tx, int64_t now) {
 /* Repair packets that are sent in advance for each media packet. */
 static double ratio_in_advance(const struct stream_tx *tx, int64_t now) {
     int64_t silence = feedback_silence(&tx->feedback, now);
-    double ratio = 0.35 + 5 * tx->feedback.loss;
+    double ratio = tuning.advance_base + tuning.advance_for_loss * tx->feedback.loss;
 
     if (tx->settings.repair && (silence == INT64_MAX || feedback_is_calm(&tx->feedback, now)))
         return tx->settings.ratio;
-    if (!tx->settings.repair || silence < STOPPED)
+    if (!tx->settings.repair || silence < tuning.stopped)
         return 0;
     if (silence < FEEDBACK_GONE)
-        ratio *= FEWER;
+        ratio *= tuning.stopped_repair;
     else if (tx->feedback.in_runs)
-        ratio += MORE_IN_RUNS;
-    return ratio > 2.5 ? 2.5 : ratio;
+        ratio += tuning.advance_in_runs;
+    return ratio > tuning.advance_most ? tuning.advance_most : ratio;
 }
 
 /* The oldest packet of the last `frames` frames in the window. */
@@ -251,11 +206,11 @@ static double fill_level(struct stream_tx *tx, int64_t now) {
 static bool needs_repair(struct stream_tx *tx, int64_t now, uint32_t *first, bool *in_advance) {
     if (!tx->settings.repair || !tx->window.count)
         return false;
-    tx->feedback.spare = fill_level(tx, now) > SPARE;
+    tx->feedback.spare = fill_level(tx, now) > tuning.fill_reserve;
     *in_advance = !feedback_wanted(&tx->feedback, now, first);
     if (!*in_advance)
         return true;
-    *first = frames_back(tx, tx->advance % ADVANCE_WHOLE ? ADVANCE_FRAMES : REPAIR_FRAMES);
+    *first = frames_back(tx, tx->advance % tuning.advance_whole ? tuning.advance_frames : REPAIR_FRAMES);
     return !tx->waiting && tx->owed >= 1;
 }
 
@@ -283,7 +238,7 @@ static void remember_repair(struct stream_tx *tx, int64_t now, int64_t written, 
     tx->count[STREAM_TX_BYTES] += bytes;
     history_add(repairs, number, sent_at(tx, now), written, tx->count[STREAM_TX_BYTES]);
     tx->repair_share += (double)bytes;
-    tx->next = now + GAP;
+    tx->next = now + tuning.packet_gap;
 }
 
 static bool send_repair(struct stream_tx *tx, int64_t now, uint8_t *to, size_t *size) {
@@ -332,7 +287,7 @@ static bool send_probe(struct stream_tx *tx, int64_t now, uint8_t *to, size_t *s
  * beyond the media packets that came (restore.h).
  */
 static void owe_repair(struct stream_tx *tx, double ratio) {
-    tx->owed = ratio > 0 ? tx->owed + ratio + (tx->esi % OUT_OF_STEP == 0) : 0;
+    tx->owed = ratio > 0 ? tx->owed + ratio + (tx->esi % tuning.step_packets == 0) : 0;
 }
 
 /* ---- Media ---- */
@@ -425,7 +380,7 @@ static double past_part(const struct stream_tx *tx, double share, double least) 
 /* Bytes of repair and of other packets for each byte of media. Of repair at least as many as are about to be sent in
  * advance. */
 static double part_beside(const struct stream_tx *tx, int64_t now) {
-    return past_part(tx, tx->repair_share, ratio_in_advance(tx, now) * LONGER) +
+    return past_part(tx, tx->repair_share, ratio_in_advance(tx, now) * tuning.repair_size_ratio) +
            past_part(tx, tx->other_share, tx->settings.others);
 }
 
@@ -448,8 +403,8 @@ static bool is_link_full(const struct stream_tx *tx, int64_t now) {
     const struct deficit *nearest = feedback_nearest(&tx->feedback, now);
     const struct history *sent = &tx->feedback.sent;
 
-    return nearest && (nearest->queue > LINK_FULL ||
-                       (nearest->delay > LINK_FULL_NOW && history_sent(sent, sent->newest) > nearest->arrival));
+    return nearest && (nearest->queue > tuning.link_full ||
+                       (nearest->delay > tuning.link_full_now && history_sent(sent, sent->newest) > nearest->arrival));
 }
 
 /*
@@ -459,21 +414,21 @@ static bool is_link_full(const struct stream_tx *tx, int64_t now) {
  */
 static bool yields(struct stream_tx *tx, int64_t now) {
     const struct deficit *deficit = feedback_single(&tx->feedback, now);
-    double left = (fill_level(tx, now) - SPARE) * (double)budget_size(&tx->budget);
+    double left = (fill_level(tx, now) - tuning.fill_reserve) * (double)budget_size(&tx->budget);
 
-    tx->patience += tx->patience < YIELD_MOST ? YIELD_PART : 0;
+    tx->patience += tx->patience < tuning.skip_frames_most ? tuning.skip_share : 0;
 
     int64_t silence = feedback_silence(&tx->feedback, now);
 
-    if (is_link_full(tx, now) || (silence >= SILENT && silence < FEEDBACK_GONE))
+    if (is_link_full(tx, now) || (silence >= tuning.silent && silence < FEEDBACK_GONE))
         left = -1;
     else if (!tx->settings.repair || !tx->window.count || !deficit || !deficit->needed)
         left = INFINITY;
-    else if (deficit->run < OUTAGE)
+    else if (deficit->run < tuning.outage_packets)
         left -= deficit->needed * (double)repair_bytes(tx, deficit->first);
     else
         left = -1;
-    bool yes = left < 0 && tx->skipped < YIELD && tx->patience >= 1;
+    bool yes = left < 0 && tx->skipped < tuning.skip_frames && tx->patience >= 1;
     tx->skipped = yes ? tx->skipped + 1 : 0;
     tx->patience -= yes;
     return yes;
@@ -484,16 +439,17 @@ static double part_in_runs(const struct stream_tx *tx, int64_t now) {
     double loss, run;
 
     feedback_losses(&tx->feedback, now, &loss, &run);
-    return run < RUNS_BEGIN || loss <= 0 ? 0 : run < RUNS_BEGIN + 1 ? run - RUNS_BEGIN : 1;
+    return run < tuning.runs_packets || loss <= 0 ? 0 : run < tuning.runs_packets + 1 ? run - tuning.runs_packets : 1;
 }
 
 /* Bytes that the next frame and its repair may take more than the rate, since the bucket is fuller than it should be;
  * negative: less. */
 static double spare_bytes(struct stream_tx *tx, int64_t now, bool one_way) {
-    double runs = part_in_runs(tx, now), full = FULL + runs * (FULL_IN_RUNS - FULL);
+    double runs = part_in_runs(tx, now), full = tuning.fill + runs * (tuning.fill_in_runs - tuning.fill);
     double tokens = (double)budget_tokens(&tx->budget, now), size = (double)budget_size(&tx->budget);
 
-    return (tokens - (one_way ? FULL_ONE_WAY : full) * size) / (HORIZON + runs * (HORIZON_IN_RUNS - HORIZON));
+    return (tokens - (one_way ? tuning.fill_one_way : full) * size) /
+           (tuning.fill_frames + runs * (tuning.fill_frames_in_runs - tuning.fill_frames));
 }
 
 size_t stream_tx_allowance(struct stream_tx *tx, int64_t now) {
@@ -506,19 +462,19 @@ size_t stream_tx_allowance(struct stream_tx *tx, int64_t now) {
 
     if (is_behind(tx, now) || yields(tx, now))
         return 0;
-    if (silence >= STOPPED && silence < FEEDBACK_GONE) {
-        wire *= REDUCED;
+    if (silence >= tuning.stopped && silence < FEEDBACK_GONE) {
+        wire *= tuning.stopped_rate;
         spare = spare > 0 ? 0 : spare;
     }
     double bytes = (wire + spare) / (1 + part_beside(tx, now));
-    bytes -= FRAME_HEADERS + (double)settings->header;
-    double part = feedback_single(&tx->feedback, now) ? LEAST_ALONE : LEAST_PART;
+    bytes -= RTP_HEADER_MAX + (double)settings->header;
+    double part = feedback_single(&tx->feedback, now) ? tuning.frame_least_share_alone : tuning.frame_least_share;
     double least = wire * part / (1 + settings->others);
-    if (silence < STOPPED && bytes < least)
+    if (silence < tuning.stopped && bytes < least)
         bytes = least;
-    if (is_link_full(tx, now) && bytes > wire * LINK_FULL_PART)
-        bytes = wire * LINK_FULL_PART;
+    if (is_link_full(tx, now) && bytes > wire * tuning.link_full_share)
+        bytes = wire * tuning.link_full_share;
     if (bytes > video)
         bytes = video;
-    return bytes < LEAST ? LEAST : (size_t)bytes;
+    return bytes < tuning.frame_least_bytes ? tuning.frame_least_bytes : (size_t)bytes;
 }

@@ -13,7 +13,7 @@
  * at most 1 ms apart, and are sent within half a frame interval.
  *
  * Without reports for a second, or from the start, repair packets follow each frame in advance. Their number depends on
- * the last reported loss, or is settings.ratio. Each third one covers the whole window and the others ADVANCE_FRAMES
+ * the last reported loss, or is settings.ratio. Each third one covers the whole window and the others 8 frames
  * only: a repair packet is as long as the longest packet that it covers, and a shorter window has a shorter one. When
  * reports have just stopped, the rate is reduced as well: the link may be congested.
  */
