@@ -1,19 +1,20 @@
 /* SPDX-License-Identifier: GPL-2.0-or-later */
 #include "budget.h"
 
-#define SECOND INT64_C(1000000000)
+#include "ddx_time.h"
+
 #define MICROSECOND INT64_C(1000)
 
 /* The time that these bytes take at the rate, rounded up, so that the rate is never exceeded. */
-static int64_t price(const struct budget *budget, size_t bytes) {
+static int64_t time_of_bytes(const struct budget *budget, size_t bytes) {
     return ((int64_t)bytes * 8 * SECOND + budget->rate - 1) / budget->rate;
 }
 
-static int64_t worth(const struct budget *budget, int64_t ns) {
+static int64_t bytes_of_time(const struct budget *budget, int64_t ns) {
     return ns / MICROSECOND * budget->rate / (8 * SECOND / MICROSECOND);
 }
 
-static void advance(struct budget *budget, int64_t now) {
+static void advance_time(struct budget *budget, int64_t now) {
     if (now > budget->now)
         budget->now = now;
     if (budget->spent < budget->now - budget->depth)
@@ -26,17 +27,17 @@ void budget_init(struct budget *budget, int64_t rate, int64_t depth, double shar
 }
 
 int64_t budget_tokens(struct budget *budget, int64_t now) {
-    advance(budget, now);
-    return worth(budget, budget->now - budget->spent);
+    advance_time(budget, now);
+    return bytes_of_time(budget, budget->now - budget->spent);
 }
 
 int64_t budget_size(const struct budget *budget) {
-    return worth(budget, budget->depth);
+    return bytes_of_time(budget, budget->depth);
 }
 
 bool budget_take(struct budget *budget, int64_t now, size_t bytes) {
-    advance(budget, now);
-    int64_t cost = price(budget, bytes);
+    advance_time(budget, now);
+    int64_t cost = time_of_bytes(budget, bytes);
     if (cost > budget->now - budget->spent)
         return false;
     budget->spent += cost;
@@ -44,7 +45,7 @@ bool budget_take(struct budget *budget, int64_t now, size_t bytes) {
 }
 
 int64_t budget_ready(const struct budget *budget, size_t bytes) {
-    int64_t cost = price(budget, bytes);
+    int64_t cost = time_of_bytes(budget, bytes);
 
     return cost > budget->depth ? INT64_MAX : budget->spent + cost;
 }

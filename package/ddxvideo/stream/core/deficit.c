@@ -63,7 +63,7 @@ static void learn_run(struct deficit *deficit, unsigned run) {
  * frame counts as older. Of a few packets probably all arrive; of many, some are lost. Where losses come in runs, all
  * arrive or none, and more packets would not help.
  */
-static unsigned enough(const struct deficit *deficit, unsigned needed, int64_t age) {
+static unsigned packets_to_send(const struct deficit *deficit, unsigned needed, int64_t age) {
     double loss = deficit->loss < tuning.loss_most ? deficit->loss : tuning.loss_most;
 
     if (deficit->run_mean > tuning.in_runs_packets)
@@ -76,7 +76,7 @@ static unsigned enough(const struct deficit *deficit, unsigned needed, int64_t a
 }
 
 /* Repair packets and probes on their way. */
-static unsigned flying(const struct deficit *deficit, const struct history *repairs, unsigned *probes) {
+static unsigned count_flying(const struct deficit *deficit, const struct history *repairs, unsigned *probes) {
     unsigned count = 0;
 
     *probes = 0;
@@ -88,7 +88,7 @@ static unsigned flying(const struct deficit *deficit, const struct history *repa
 }
 
 /* Finds the end of an outage. A receiver that does not know probes gets repair packets instead, one at a time. */
-static void search(struct deficit *deficit, unsigned coming, unsigned probing) {
+static void search_end_of_outage(struct deficit *deficit, unsigned coming, unsigned probing) {
     bool known = deficit->probed < tuning.probes_unanswered;
 
     if (!coming && !probing)
@@ -96,8 +96,9 @@ static void search(struct deficit *deficit, unsigned coming, unsigned probing) {
     deficit->wanted = !known && !coming;
 }
 
-static void decide(struct deficit *deficit, const struct history *media, const struct history *repairs, int64_t now) {
-    unsigned probing, coming = flying(deficit, repairs, &probing);
+static void decide_repair(struct deficit *deficit, const struct history *media, const struct history *repairs,
+                          int64_t now) {
+    unsigned probing, coming = count_flying(deficit, repairs, &probing);
 
     learn_run(deficit, history_between(media, deficit->arrival, deficit->covered) +
                            history_between(repairs, deficit->arrival, deficit->covered));
@@ -108,10 +109,10 @@ static void decide(struct deficit *deficit, const struct history *media, const s
     if (!deficit->needed)
         return;
     deficit->first = deficit->missing ? deficit->base : deficit->highest + 1;
-    unsigned packets = enough(deficit, deficit->needed, now - history_written(media, deficit->first));
+    unsigned packets = packets_to_send(deficit, deficit->needed, now - history_written(media, deficit->first));
     if (deficit->run >=
         (deficit->run_mean > tuning.in_runs_packets ? tuning.quiet_packets_in_runs : tuning.quiet_packets))
-        search(deficit, coming, probing);
+        search_end_of_outage(deficit, coming, probing);
     else if (packets > coming)
         deficit->wanted = packets - coming;
 }
@@ -120,7 +121,7 @@ static void decide(struct deficit *deficit, const struct history *media, const s
  * Takes what is impossible out of a report. A forged repair packet lets an honest receiver believe that packets were
  * sent that were not, at most REPORT_AHEAD of them, and that a repair packet with any number has arrived.
  */
-static void correct(struct report *report, const struct history *media, const struct history *repairs) {
+static void correct_report(struct report *report, const struct history *media, const struct history *repairs) {
     unsigned ahead = (uint16_t)(report->highest - media->newest);
 
     if (ahead && ahead <= REPORT_AHEAD) {
@@ -141,7 +142,7 @@ int deficit_report(struct deficit *deficit, const struct history *media, const s
 
     if (!media->count)
         return -EBADMSG;
-    correct(report, media, repairs);
+    correct_report(report, media, repairs);
     uint32_t highest = history_find(media, report->highest), repair = history_find(repairs, report->highest_repair);
     if (!history_has(media, highest) || report->age >= REPORT_OLDEST)
         return -ESTALE;
@@ -166,6 +167,6 @@ int deficit_report(struct deficit *deficit, const struct history *media, const s
     deficit->loss = report->loss / 256.0;
     if (report->has_repair && history_written(repairs, repair) == HISTORY_PROBE)
         deficit->probed = 0;
-    decide(deficit, media, repairs, now);
+    decide_repair(deficit, media, repairs, now);
     return 0;
 }

@@ -5,26 +5,26 @@
 
 #include "tuning.h"
 
-#define LOSS_MEMORY 10e9 /* ns */
-#define REPORTS 200      /* read from a reporter in a second */
-#define CLAIMS_DEPTH (4 * SECOND)
-#define CLAIMS_ALL 0.65 /* parts of the rate: what the smallest frames and their headers leave */
-#define CLAIMS_EACH 0.48
-#define CLAIMS_BEGIN 0.5 /* how full they are at first */
-#define CLAIMS_HOPELESS 0.25
-#define PROBES_PART 0.1 /* of the rate */
-#define PROBES_DEPTH (SECOND / 2)
-#define CLAIM 1400 /* bytes that must be left: more than any repair packet */
+#define LOSS_MEMORY_NS 10e9  /* ns */
+#define REPORTS_A_SECOND 200 /* read from a reporter in a second */
+#define CLAIMS_DEPTH_NS (4 * SECOND)
+#define CLAIMS_SHARE_ALL 0.65 /* parts of the rate: what the smallest frames and their headers leave */
+#define CLAIMS_SHARE_EACH 0.48
+#define CLAIMS_FILL_FIRST 0.5 /* how full they are at first */
+#define CLAIMS_SHARE_HOPELESS 0.25
+#define PROBES_SHARE 0.1 /* of the rate */
+#define PROBES_DEPTH_NS (SECOND / 2)
+#define CLAIM_BYTES 1400 /* bytes that must be left: more than any repair packet */
 
 /* Shares of 1 kbit/s are enough for the bucket, and keep the rate positive. */
 static void init_claims(struct budget *claims, int64_t rate, double share, int64_t now) {
-    budget_init(claims, 1000 + (int64_t)((double)rate * share), CLAIMS_DEPTH, CLAIMS_BEGIN, now);
+    budget_init(claims, 1000 + (int64_t)((double)rate * share), CLAIMS_DEPTH_NS, CLAIMS_FILL_FIRST, now);
 }
 
 void feedback_init(struct feedback *feedback, uint32_t media, int64_t rate, int64_t now) {
     *feedback = (struct feedback){.media = media, .rate = rate, .heard = INT64_MIN};
-    init_claims(&feedback->claims, rate, CLAIMS_ALL, now);
-    budget_init(&feedback->probes, 1000 + (int64_t)((double)rate * PROBES_PART), PROBES_DEPTH, 1, now);
+    init_claims(&feedback->claims, rate, CLAIMS_SHARE_ALL, now);
+    budget_init(&feedback->probes, 1000 + (int64_t)((double)rate * PROBES_SHARE), PROBES_DEPTH_NS, 1, now);
 }
 
 static bool is_active(const struct feedback_reporter *reporter, int64_t now) {
@@ -74,7 +74,7 @@ bool feedback_is_calm(const struct feedback *feedback, int64_t now) {
 
 /* ---- Reporters ---- */
 
-static unsigned sharing(const struct feedback *feedback, uint64_t address) {
+static unsigned count_sharing(const struct feedback *feedback, uint64_t address) {
     unsigned count = 0;
 
     for (unsigned i = 0; i < FEEDBACK_REPORTERS; i++)
@@ -99,18 +99,18 @@ static struct feedback_reporter *find_room(struct feedback *feedback, int64_t no
             missed = reporter;
         else if (!is_active(reporter, now))
             return reporter;
-        else if (sharing(feedback, reporter->address) > 1)
+        else if (count_sharing(feedback, reporter->address) > 1)
             shared = reporter;
         if (is_active(reporter, now) && is_calm(reporter, now))
             calm = reporter;
     }
-    bool first = !sharing(feedback, address);
+    bool first = !count_sharing(feedback, address);
     if (first && shared)
         return shared;
     return lacks && calm ? calm : first ? missed : NULL;
 }
 
-static struct feedback_reporter *find(struct feedback *feedback, uint32_t ssrc, uint64_t address) {
+static struct feedback_reporter *find_reporter(struct feedback *feedback, uint32_t ssrc, uint64_t address) {
     for (unsigned i = 0; i < FEEDBACK_REPORTERS; i++) {
         struct feedback_reporter *reporter = &feedback->reporter[i];
 
@@ -120,13 +120,13 @@ static struct feedback_reporter *find(struct feedback *feedback, uint32_t ssrc, 
     return NULL;
 }
 
-static void begin(struct feedback *feedback, struct feedback_reporter *reporter, const struct report *report,
-                  uint64_t address, int64_t now) {
+static void begin_reporter(struct feedback *feedback, struct feedback_reporter *reporter, const struct report *report,
+                           uint64_t address, int64_t now) {
     *reporter = (struct feedback_reporter){
         .used = true, .ssrc = report->reporter, .address = address, .begun = now, .lossy = now - FEEDBACK_CALM};
-    budget_init(&reporter->reports, 8 * REPORTS, SECOND / 2, 1, now);
-    init_claims(&reporter->claims, feedback->rate, CLAIMS_EACH, now);
-    init_claims(&reporter->hopeless, feedback->rate, CLAIMS_HOPELESS, now);
+    budget_init(&reporter->reports, 8 * REPORTS_A_SECOND, SECOND / 2, 1, now);
+    init_claims(&reporter->claims, feedback->rate, CLAIMS_SHARE_EACH, now);
+    init_claims(&reporter->hopeless, feedback->rate, CLAIMS_SHARE_HOPELESS, now);
 }
 
 /* Notes whether the reporter has losses. */
@@ -135,7 +135,7 @@ static void note_loss(struct feedback_reporter *reporter, int64_t now) {
         reporter->lossy = now;
 }
 
-static enum feedback_count verdict(int error) {
+static enum feedback_count outcome_of(int error) {
     return !error ? FEEDBACK_USED : error == -ESTALE ? FEEDBACK_STALE : FEEDBACK_GARBAGE;
 }
 
@@ -147,15 +147,16 @@ static enum feedback_count first_report(struct feedback *feedback, int64_t now, 
     struct feedback_reporter *room = error ? NULL : find_room(feedback, now, address, deficit.needed);
 
     if (error || !room)
-        return error ? verdict(error) : FEEDBACK_FLOOD;
-    begin(feedback, room, report, address, now);
+        return error ? outcome_of(error) : FEEDBACK_FLOOD;
+    begin_reporter(feedback, room, report, address, now);
     room->deficit = deficit;
     note_loss(room, now);
     return FEEDBACK_USED;
 }
 
-static enum feedback_count use(struct feedback *feedback, int64_t now, const struct report *report, uint64_t address) {
-    struct feedback_reporter *reporter = find(feedback, report->reporter, address);
+static enum feedback_count use_report(struct feedback *feedback, int64_t now, const struct report *report,
+                                      uint64_t address) {
+    struct feedback_reporter *reporter = find_reporter(feedback, report->reporter, address);
 
     if (!reporter)
         return first_report(feedback, now, report, address);
@@ -164,7 +165,7 @@ static enum feedback_count use(struct feedback *feedback, int64_t now, const str
     int error = deficit_report(&reporter->deficit, &feedback->sent, &feedback->repairs, now, report);
     if (!error)
         note_loss(reporter, now);
-    return verdict(error);
+    return outcome_of(error);
 }
 
 static double worst_loss(const struct feedback *feedback, int64_t now) {
@@ -230,7 +231,7 @@ const struct deficit *feedback_single(const struct feedback *feedback, int64_t n
 /* Uses a report. */
 static void learn_loss(struct feedback *feedback, int64_t now) {
     double worst = worst_loss(feedback, now);
-    double part = feedback->heard == INT64_MIN ? 1 : (double)(now - feedback->heard) / LOSS_MEMORY;
+    double part = feedback->heard == INT64_MIN ? 1 : (double)(now - feedback->heard) / LOSS_MEMORY_NS;
 
     feedback->mean_loss += (worst - feedback->mean_loss) * (part < 1 ? part : 1);
     feedback->loss = worst > feedback->mean_loss ? worst : feedback->mean_loss;
@@ -244,7 +245,7 @@ bool feedback_report(struct feedback *feedback, int64_t now, const uint8_t *data
 
     feedback->count[FEEDBACK_RECEIVED]++;
     if (!report_parse(data, size, &report) && report.media == feedback->media)
-        result = report.has_state ? use(feedback, now, &report, address) : FEEDBACK_USED;
+        result = report.has_state ? use_report(feedback, now, &report, address) : FEEDBACK_USED;
     feedback->count[result]++;
     if (result != FEEDBACK_USED)
         return false;
@@ -255,7 +256,7 @@ bool feedback_report(struct feedback *feedback, int64_t now, const uint8_t *data
 
 /* ---- Wanted repair packets ---- */
 
-static struct budget *purse(struct feedback_reporter *reporter) {
+static struct budget *claims_of(struct feedback_reporter *reporter) {
     return reporter->deficit.loss > FEEDBACK_HOPELESS ? &reporter->hopeless : &reporter->claims;
 }
 
@@ -265,12 +266,13 @@ static struct budget *purse(struct feedback_reporter *reporter) {
  * of several, after all together have claimed enough, those that claimed little still may.
  */
 static bool may_claim(struct feedback *feedback, struct feedback_reporter *reporter, int64_t now) {
-    struct budget *own = purse(reporter);
+    struct budget *own = claims_of(reporter);
 
     if (!feedback->spare && feedback_single(feedback, now))
         return false;
-    bool enough = !feedback->spare && budget_tokens(&feedback->claims, now) < CLAIM;
-    return budget_tokens(own, now) >= (enough && budget_size(own) / 2 > CLAIM ? budget_size(own) / 2 : CLAIM);
+    bool enough = !feedback->spare && budget_tokens(&feedback->claims, now) < CLAIM_BYTES;
+    return budget_tokens(own, now) >=
+           (enough && budget_size(own) / 2 > CLAIM_BYTES ? budget_size(own) / 2 : CLAIM_BYTES);
 }
 
 unsigned feedback_wanted(struct feedback *feedback, int64_t now, uint32_t *first) {
@@ -297,7 +299,7 @@ bool feedback_wants_probe(struct feedback *feedback, int64_t now, size_t bytes) 
         struct feedback_reporter *reporter = &feedback->reporter[i];
 
         wanted |= is_active(reporter, now) && reporter->deficit.probes &&
-                  budget_tokens(purse(reporter), now) >= (int64_t)bytes;
+                  budget_tokens(claims_of(reporter), now) >= (int64_t)bytes;
     }
     return wanted && budget_tokens(&feedback->probes, now) >= (int64_t)bytes;
 }
@@ -310,7 +312,7 @@ void feedback_probed(struct feedback *feedback, int64_t now, size_t bytes) {
             continue;
         reporter->deficit.probed++;
         reporter->deficit.probes--;
-        budget_take(purse(reporter), now, bytes);
+        budget_take(claims_of(reporter), now, bytes);
     }
     budget_take(&feedback->probes, now, bytes);
 }
@@ -323,7 +325,7 @@ void feedback_paid(struct feedback *feedback, int64_t now, size_t bytes) {
             continue;
         reporter->deficit.wanted--;
         reporter->deficit.needed -= reporter->deficit.needed > 0;
-        budget_take(purse(reporter), now, bytes);
+        budget_take(claims_of(reporter), now, bytes);
     }
     budget_take(&feedback->claims, now, bytes);
 }

@@ -39,7 +39,7 @@ static bool is_remembered(const struct reorder *reorder, uint16_t sequence) {
 }
 
 /* Advances to the next number; the current one came, or is given up. */
-static void step(struct reorder *reorder, bool came) {
+static void step_to_next(struct reorder *reorder, bool came) {
     uint8_t *byte = &reorder->seen[reorder->next % REORDER_MEMORY / 8], bit = (uint8_t)(1 << reorder->next % 8);
 
     *byte = came ? *byte | bit : *byte & (uint8_t)~bit;
@@ -80,7 +80,7 @@ enum reorder_result reorder_put(struct reorder *reorder, uint16_t sequence, cons
         return is_remembered(reorder, sequence) ? REORDER_DUPLICATE : REORDER_LATE;
     else if (distance >= REORDER_PACKETS) /* too far ahead to wait for the missing packets */
         while (reorder->next != sequence)
-            step(reorder, false);
+            step_to_next(reorder, false);
 
     struct reorder_slot *slot = slot_of(reorder, sequence);
     if (slot->used)
@@ -115,13 +115,13 @@ const struct reorder_slot *reorder_peek(const struct reorder *reorder, unsigned 
 bool reorder_give_up(struct reorder *reorder) {
     if (!reorder->waiting || slot_of(reorder, reorder->next)->used)
         return false;
-    step(reorder, false);
+    step_to_next(reorder, false);
     return true;
 }
 
 void reorder_take(struct reorder *reorder) {
     slot_of(reorder, reorder->next)->used = false;
     reorder->waiting--;
-    step(reorder, true);
+    step_to_next(reorder, true);
     reorder->lost_before = 0;
 }

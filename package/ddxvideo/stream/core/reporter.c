@@ -1,53 +1,54 @@
 /* SPDX-License-Identifier: GPL-2.0-or-later */
 #include "reporter.h"
 
-#define MS INT64_C(1000000)
-#define RATE 59000        /* bit/s */
-#define BUCKET (160 * MS) /* twenty reports */
-#define KEEP 1            /* reports that must be left after one without an arrival, for the next arrival */
-#define SPARE 5           /* reports that must be left after a repetition */
-#define DUE (4 * MS)      /* jitter after which a packet is late */
-#define FIRST_INTERVAL (40 * MS)
-#define JUMP (10000 * MS) /* a time stamp further away begins again */
-#define JUMP_REPAIR 64    /* packets lost in sequence, after which a repair packet needs the next one */
-#define RUN_LONGEST 16    /* packets; a longer run is an outage */
-#define SLOT (500 * MS)
+#include "ddx_time.h"
+
+#define REPORTS_BITS 59000   /* bit/s */
+#define BUCKET_NS (160 * MS) /* twenty reports */
+#define REPORTS_KEPT 1       /* reports that must be left after one without an arrival, for the next arrival */
+#define REPORTS_SPARE 5      /* reports that must be left after a repetition */
+#define JITTER_NS (4 * MS)   /* jitter after which a packet is late */
+#define FIRST_INTERVAL_NS (40 * MS)
+#define STAMP_JUMP_NS (10000 * MS) /* a time stamp further away begins again */
+#define REPAIR_JUMP_PACKETS 64     /* packets lost in sequence, after which a repair packet needs the next one */
+#define RUN_PACKETS_MOST 16        /* packets; a longer run is an outage */
+#define SLOT_NS (500 * MS)
 
 void reporter_init(struct reporter *reporter, uint32_t ssrc, uint32_t media_ssrc, size_t header, int64_t now) {
     *reporter = (struct reporter){
-        .ssrc = ssrc, .media_ssrc = media_ssrc, .header = header, .interval = FIRST_INTERVAL, .slot_begin = now};
-    budget_init(&reporter->budget, RATE, BUCKET, 1, now);
+        .ssrc = ssrc, .media_ssrc = media_ssrc, .header = header, .interval = FIRST_INTERVAL_NS, .slot_begin = now};
+    budget_init(&reporter->budget, REPORTS_BITS, BUCKET_NS, 1, now);
 }
 
 /* ---- Arrivals ---- */
 
-static void rotate(struct reporter *reporter, int64_t now) {
-    for (unsigned turns = 0; now - reporter->slot_begin >= SLOT && turns < REPORTER_SLOTS; turns++) {
+static void rotate_slots(struct reporter *reporter, int64_t now) {
+    for (unsigned turns = 0; now - reporter->slot_begin >= SLOT_NS && turns < REPORTER_SLOTS; turns++) {
         for (unsigned i = REPORTER_SLOTS - 1; i; i--) {
             reporter->expected[i] = reporter->expected[i - 1];
             reporter->received[i] = reporter->received[i - 1];
         }
         reporter->expected[0] = reporter->received[0] = 0;
-        reporter->slot_begin += SLOT;
+        reporter->slot_begin += SLOT_NS;
     }
-    if (now - reporter->slot_begin >= SLOT)
+    if (now - reporter->slot_begin >= SLOT_NS)
         reporter->slot_begin = now;
 }
 
 /* `step`: from the newest number so far to this one. */
-static void expect(struct reporter *reporter, unsigned step) {
+static void count_expected(struct reporter *reporter, unsigned step) {
     reporter->expected[0] += step;
     if (step > 1)
-        reporter->run_mean += ((step <= RUN_LONGEST ? step - 1 : RUN_LONGEST) - reporter->run_mean) / 8;
+        reporter->run_mean += ((step <= RUN_PACKETS_MOST ? step - 1 : RUN_PACKETS_MOST) - reporter->run_mean) / 8;
 }
 
-static void arrive(struct reporter *reporter, struct reporter_stream *stream, int64_t now, uint16_t sequence) {
-    rotate(reporter, now);
+static void note_arrival(struct reporter *reporter, struct reporter_stream *stream, int64_t now, uint16_t sequence) {
+    rotate_slots(reporter, now);
     reporter->received[0]++;
     if (!stream->begun)
         reporter->expected[0]++;
     else if (rtp_after(sequence, stream->highest))
-        expect(reporter, (uint16_t)(sequence - stream->highest));
+        count_expected(reporter, (uint16_t)(sequence - stream->highest));
     if (!stream->begun || rtp_after(sequence, stream->highest))
         stream->highest = sequence;
     stream->begun = true;
@@ -61,9 +62,9 @@ static void learn_frame(struct reporter *reporter, int64_t now, uint32_t time) {
     int64_t step = (int64_t)(int32_t)(time - reporter->time) * 100000 / 9;
     int64_t offset = now - reporter->stamp - step;
 
-    if (step <= 0 && step > -JUMP)
+    if (step <= 0 && step > -STAMP_JUMP_NS)
         return;
-    if (step < JUMP && step > 0) {
+    if (step < STAMP_JUMP_NS && step > 0) {
         reporter->interval = step < reporter->interval ? step : reporter->interval + (step - reporter->interval) / 16;
         reporter->offset = offset < reporter->offset ? offset : reporter->offset + (offset - reporter->offset) / 64;
     } else {
@@ -82,7 +83,7 @@ void reporter_media(struct reporter *reporter, int64_t now, uint16_t sequence, u
     learn_frame(reporter, now, time);
     if (!reporter->media.begun || rtp_after(sequence, reporter->media.highest))
         reporter->open = !marker;
-    arrive(reporter, &reporter->media, now, sequence);
+    note_arrival(reporter, &reporter->media, now, sequence);
 }
 
 /* A number that does not fit may be forged, or the last one was: it counts when the next packet confirms it. */
@@ -90,13 +91,13 @@ void reporter_repair(struct reporter *reporter, int64_t now, uint16_t sequence) 
     struct reporter_stream *stream = &reporter->repair;
     int ahead = (int16_t)(sequence - stream->highest);
 
-    if (stream->begun && (ahead <= 0 || ahead > JUMP_REPAIR)) {
+    if (stream->begun && (ahead <= 0 || ahead > REPAIR_JUMP_PACKETS)) {
         if (!rtp_is_confirmed(&reporter->stranger, sequence))
             return;
         stream->highest = (uint16_t)(sequence - 1);
     }
     reporter->stranger.there = false;
-    arrive(reporter, &reporter->repair, now, sequence);
+    note_arrival(reporter, &reporter->repair, now, sequence);
 }
 
 /* ---- Reports ---- */
@@ -116,7 +117,7 @@ unsigned reporter_loss(const struct reporter *reporter) {
 }
 
 int64_t reporter_deadline(const struct reporter *reporter, const struct restore *restore) {
-    int64_t due = reporter->offset + reporter->stamp + reporter->interval + DUE, time;
+    int64_t due = reporter->offset + reporter->stamp + reporter->interval + JITTER_NS, time;
     int64_t repeat = reporter->reported + REPORTER_REPEAT;
     size_t bytes = reporter->header + (reporter->refresh ? REPORT_MAX : REPORT_SIZE);
     uint16_t base, highest;
@@ -125,15 +126,16 @@ int64_t reporter_deadline(const struct reporter *reporter, const struct restore 
     if (!reporter->media.begun || !restore_missing(restore, &missing, &base, &highest))
         return INT64_MAX;
     if (reporter->open && highest == reporter->media.highest)
-        due = reporter->arrived + DUE;
+        due = reporter->arrived + JITTER_NS;
     time = missing || due < repeat ? repeat : due;
     if (reporter->fresh) {
         time = reporter->arrived;
-    } else if (reporter->again && repeat < time && budget_ready(&reporter->budget, (1 + SPARE) * bytes) < time) {
+    } else if (reporter->again && repeat < time &&
+               budget_ready(&reporter->budget, (1 + REPORTS_SPARE) * bytes) < time) {
         time = repeat;
-        bytes *= 1 + SPARE;
+        bytes *= 1 + REPORTS_SPARE;
     } else {
-        bytes *= 1 + KEEP;
+        bytes *= 1 + REPORTS_KEPT;
     }
     if (!reporter->fresh && time > reporter->arrived + REPORTER_QUIET)
         return INT64_MAX;
@@ -154,7 +156,7 @@ size_t reporter_next(struct reporter *reporter, int64_t now, const struct restor
     if (now < reporter_deadline(reporter, restore))
         return 0;
     restore_missing(restore, &missing, &report.base, &report.highest);
-    rotate(reporter, now);
+    rotate_slots(reporter, now);
     report.missing = (uint16_t)missing;
     report.loss = loss_of(reporter);
     size_t size = report_write(to, &report);

@@ -67,7 +67,7 @@ static bool is_solved(const struct restore_slot *row, unsigned pivot) {
 }
 
 /* Turns solved rows into packets. */
-static void settle(struct restore *restore) {
+static void settle_rows(struct restore *restore) {
     for (uint16_t sequence = restore->floor; restore->rows && sequence != (uint16_t)(restore->newest + 1); sequence++) {
         unsigned slot = slot_of(sequence);
 
@@ -84,7 +84,7 @@ static void settle(struct restore *restore) {
 }
 
 /* Removes known packets and pivots of other rows from the current row. */
-static void reduce(struct restore *restore) {
+static void reduce_row(struct restore *restore) {
     struct restore_slot *row = &restore->row;
 
     for (unsigned slot = 0; slot < REPAIR_PACKETS; slot++) {
@@ -100,7 +100,7 @@ static void reduce(struct restore *restore) {
 }
 
 /* Adds the reduced row to the rows. False if it has nothing new. */
-static bool insert(struct restore *restore) {
+static bool insert_row(struct restore *restore) {
     struct restore_slot *row = &restore->row;
     uint16_t sequence = oldest(restore);
 
@@ -124,12 +124,12 @@ static bool insert(struct restore *restore) {
     restore->slot[pivot] = *row;
     restore->state[pivot] = RESTORE_ROW;
     restore->rows++;
-    settle(restore);
+    settle_rows(restore);
     return true;
 }
 
 /* Forgets all packets. */
-static void forget(struct restore *restore) {
+static void forget_packets(struct restore *restore) {
     drop_rows(restore, RESTORE_EXPIRED);
     memset(restore->state, RESTORE_MISSING, sizeof restore->state);
     restore->ready = 0;
@@ -142,9 +142,9 @@ void restore_init(struct restore *restore, uint32_t media_ssrc) {
 }
 
 /* Notes that packets up to `sequence`, which is after the newest one so far, were sent. */
-static void advance(struct restore *restore, uint16_t sequence) {
+static void advance_newest(struct restore *restore, uint16_t sequence) {
     if ((uint16_t)(sequence - restore->newest) >= REPAIR_PACKETS) {
-        forget(restore);
+        forget_packets(restore);
         restore->newest = sequence;
     }
     while (restore->newest != sequence) {
@@ -159,7 +159,7 @@ static void advance(struct restore *restore, uint16_t sequence) {
 }
 
 static void begin_at(struct restore *restore, uint16_t sequence) {
-    forget(restore);
+    forget_packets(restore);
     restore->begun = true;
     restore->newest = restore->floor = restore->came = sequence;
 }
@@ -169,7 +169,7 @@ static void begin_at(struct restore *restore, uint16_t sequence) {
  * has not sent, so media packets that come later have higher numbers; only a few may be overtaken. Otherwise packets
  * that were never sent would be missing after a forged repair packet.
  */
-static void retract(struct restore *restore) {
+static void retract_newest(struct restore *restore) {
     drop_rows(restore, RESTORE_CORRUPT);
     while (restore->newest != restore->came) {
         unsigned slot = slot_of(restore->newest--);
@@ -192,7 +192,7 @@ static bool make_room(struct restore *restore, uint16_t sequence) {
             return false;
         begin_at(restore, sequence);
     } else if (distance > 0) {
-        advance(restore, sequence);
+        advance_newest(restore, sequence);
     }
     restore->stranger.there = false;
     if (!rtp_after(sequence, restore->came))
@@ -200,12 +200,12 @@ static bool make_room(struct restore *restore, uint16_t sequence) {
     restore->came = sequence;
     restore->behind = distance < 0 ? restore->behind + 1 : 0;
     if (restore->behind > RESTORE_BEHIND)
-        retract(restore);
+        retract_newest(restore);
     return true;
 }
 
 /* For a packet that arrives after it was restored: if they differ, the restored one was forged. */
-static void compare(struct restore *restore, unsigned slot, const uint8_t *packet, size_t size) {
+static void compare_restored(struct restore *restore, unsigned slot, const uint8_t *packet, size_t size) {
     struct symbol *symbol = &restore->slot[slot].symbol;
 
     if (!symbol_is(symbol, packet, size)) {
@@ -223,12 +223,12 @@ static void replace_row(struct restore *restore, unsigned slot, const uint8_t *p
     restore->rows--;
     restore->state[slot] = RESTORE_CAME;
     symbol_set(&restore->slot[slot].symbol, packet, size);
-    reduce(restore);
-    insert(restore);
+    reduce_row(restore);
+    insert_row(restore);
 }
 
 /* For a missing packet that came and had no row: takes it out of all rows. */
-static void learn(struct restore *restore, unsigned slot, const uint8_t *packet, size_t size) {
+static void learn_packet(struct restore *restore, unsigned slot, const uint8_t *packet, size_t size) {
     struct symbol *symbol = &restore->slot[slot].symbol;
 
     restore->state[slot] = RESTORE_CAME;
@@ -241,7 +241,7 @@ static void learn(struct restore *restore, unsigned slot, const uint8_t *packet,
         symbol_add(&row->symbol, symbol, row->factor[slot]);
         row->factor[slot] = 0;
     }
-    settle(restore);
+    settle_rows(restore);
 }
 
 int restore_source(struct restore *restore, const uint8_t *packet, size_t size) {
@@ -253,17 +253,17 @@ int restore_source(struct restore *restore, const uint8_t *packet, size_t size) 
         return -ERANGE;
     unsigned slot = slot_of(rtp.sequence);
     switch ((enum restore_state)restore->state[slot]) {
-    case RESTORE_MISSING: learn(restore, slot, packet, size); return 0;
+    case RESTORE_MISSING: learn_packet(restore, slot, packet, size); return 0;
     case RESTORE_ROW: replace_row(restore, slot, packet, size); return 0;
     case RESTORE_READY:
-    case RESTORE_TAKEN: compare(restore, slot, packet, size); break;
+    case RESTORE_TAKEN: compare_restored(restore, slot, packet, size); break;
     case RESTORE_CAME: break;
     }
     return -EALREADY;
 }
 
 /* The fate of a repair packet: RESTORE_RECEIVED if it is an equation for missing packets. */
-static enum restore_count judge(const struct restore *restore, const struct repair_packet *packet) {
+static enum restore_count judge_repair(const struct restore *restore, const struct repair_packet *packet) {
     uint16_t last = (uint16_t)(packet->first + packet->count - 1);
     int ahead = (int16_t)(last - restore->came);
     uint16_t newest = rtp_after(last, restore->newest) ? last : restore->newest;
@@ -307,19 +307,19 @@ int restore_repair(struct restore *restore, const uint8_t *data, size_t size) {
 
     restore->count[RESTORE_RECEIVED]++;
     if (repair_parse(data, size, &packet) && packet.media_ssrc == restore->ssrc)
-        verdict = judge(restore, &packet);
+        verdict = judge_repair(restore, &packet);
     if (verdict != RESTORE_RECEIVED) {
         restore->count[verdict]++;
         return verdict == RESTORE_REFUSED ? -EBADMSG : -EALREADY;
     }
     uint16_t last = (uint16_t)(packet.first + packet.count - 1);
     if (rtp_after(last, restore->newest)) {
-        advance(restore, last);
+        advance_newest(restore, last);
         restore->behind = 0;
     }
     begin_row(&restore->row, &packet);
-    reduce(restore);
-    return insert(restore) ? 0 : -EALREADY;
+    reduce_row(restore);
+    return insert_row(restore) ? 0 : -EALREADY;
 }
 
 bool restore_take(struct restore *restore, const uint8_t **packet, size_t *size, uint16_t *sequence) {

@@ -2,6 +2,7 @@
 #include "rtp.h"
 
 #include "bits.h"
+#include "ddx_time.h"
 
 #define VERSION 0x80
 #define PADDING 0x20
@@ -17,19 +18,18 @@
 #define ENCRYPTED 0x80 /* of the third byte of ID_FRAME */
 #define ELEMENT(id, bytes) ((uint8_t)((id) << 4 | ((bytes)-1)))
 
-#define NS UINT64_C(1000000000)
 #define NTP_EPOCH INT64_C(2208988800) /* s from 1900 to 1970 */
 
 static uint64_t ntp_of(int64_t ns) {
-    uint64_t seconds = (uint64_t)(ns / (int64_t)NS + NTP_EPOCH), rest = (uint64_t)ns % NS;
+    uint64_t seconds = (uint64_t)(ns / SECOND + NTP_EPOCH), rest = (uint64_t)ns % SECOND;
 
-    return seconds << 32 | ((rest << 32) + NS / 2) / NS;
+    return seconds << 32 | ((rest << 32) + SECOND / 2) / SECOND;
 }
 
 static int64_t ns_of(uint64_t ntp) {
     int64_t seconds = (int64_t)(ntp >> 32) - NTP_EPOCH;
 
-    return seconds * (int64_t)NS + (int64_t)(((ntp & UINT32_MAX) * NS + (UINT64_C(1) << 31)) >> 32);
+    return seconds * SECOND + (int64_t)(((ntp & UINT32_MAX) * SECOND + (UINT64_C(1) << 31)) >> 32);
 }
 
 /* Further data in the first packet of a frame, and two bytes of padding: 20 bytes. */

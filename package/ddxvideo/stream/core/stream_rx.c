@@ -69,7 +69,7 @@ static void tell_restore(struct stream_rx *rx, const struct rtp_packet *packet, 
 
 /* ---- Choice of the source ---- */
 
-static void follow(struct stream_rx *rx, const struct rtp_packet *packet, int64_t now) {
+static void follow_source(struct stream_rx *rx, const struct rtp_packet *packet, int64_t now) {
     rx->followed = true;
     rx->confirmed = false;
     rx->ssrc = packet->ssrc;
@@ -105,8 +105,8 @@ static void hear_other(struct stream_rx *rx, const struct rtp_packet *packet, co
     rx->switching = rx->in_sequence && (!rx->confirmed || now - rx->heard >= STREAM_RX_SILENCE);
 }
 
-static bool put(struct stream_rx *rx, const struct rtp_packet *packet, const uint8_t *data, size_t size, int64_t now,
-                bool restored) {
+static bool put_packet(struct stream_rx *rx, const struct rtp_packet *packet, const uint8_t *data, size_t size,
+                       int64_t now, bool restored) {
     uint16_t due = rx->reorder.next;
     enum reorder_result result = reorder_put(&rx->reorder, packet->sequence, data, size, now);
     bool taken = result == REORDER_TAKEN || result == REORDER_OUT_OF_TURN;
@@ -131,7 +131,7 @@ static bool put(struct stream_rx *rx, const struct rtp_packet *packet, const uin
 }
 
 /* Notes a packet that came and has its place. */
-static bool note(struct stream_rx *rx, const struct rtp_packet *packet, int64_t now) {
+static bool note_for_report(struct stream_rx *rx, const struct rtp_packet *packet, int64_t now) {
     if (!rx->settings.reports)
         return true;
     if (!rx->answers || rx->reporter.media_ssrc != packet->ssrc)
@@ -155,7 +155,7 @@ bool stream_rx_put(struct stream_rx *rx, const uint8_t *data, size_t size, int64
         return false;
     }
     if (!rx->followed) {
-        follow(rx, &packet, now);
+        follow_source(rx, &packet, now);
     } else if (packet.ssrc != rx->ssrc) {
         hear_other(rx, &packet, data, size, now);
         return false;
@@ -167,7 +167,7 @@ bool stream_rx_put(struct stream_rx *rx, const uint8_t *data, size_t size, int64
         rx->queued = 0;
     }
     rx->heard = now;
-    return put(rx, &packet, data, size, now, false) && note(rx, &packet, now);
+    return put_packet(rx, &packet, data, size, now, false) && note_for_report(rx, &packet, now);
 }
 
 static void put_slot(struct stream_rx *rx, struct reorder_slot *slot, bool restored) {
@@ -175,7 +175,7 @@ static void put_slot(struct stream_rx *rx, struct reorder_slot *slot, bool resto
 
     slot->used = false;
     rtp_parse(slot->data, slot->size, &packet);
-    put(rx, &packet, slot->data, slot->size, slot->arrival, restored);
+    put_packet(rx, &packet, slot->data, slot->size, slot->arrival, restored);
 }
 
 /* Puts a restored packet into its place; its content is as credible as the repair packets. */
@@ -185,7 +185,7 @@ static void put_restored(struct stream_rx *rx, const uint8_t *data, size_t size,
     if (!rtp_parse(data, size, &packet) || packet.type != rx->type)
         rx->count[STREAM_RX_GARBAGE]++;
     else
-        put(rx, &packet, data, size, now, true);
+        put_packet(rx, &packet, data, size, now, true);
 }
 
 /* Follow the other source: its packets are taken out of the queue by put_next(). */
@@ -194,7 +194,7 @@ static void switch_over(struct stream_rx *rx) {
     unsigned queued = rx->queued;
 
     rtp_parse(rx->queue[0].data, rx->queue[0].size, &packet);
-    follow(rx, &packet, rx->queue[queued - 1].arrival);
+    follow_source(rx, &packet, rx->queue[queued - 1].arrival);
     rx->confirmed = true;
     rx->switching = false;
     rx->count[STREAM_RX_FOREIGN] -= queued; /* the queued packets are of the new source */
@@ -246,7 +246,7 @@ static bool is_out_of_window(const struct stream_rx *rx) {
 }
 
 /* Gives up the packet that is due if it can no longer arrive in time. */
-static bool give_up(struct stream_rx *rx, int64_t now) {
+static bool give_up_due(struct stream_rx *rx, int64_t now) {
     bool hopeless =
         rx->held.used || rx->switching || now >= stream_rx_deadline(rx) || (is_repairing(rx) && is_out_of_window(rx));
 
@@ -289,7 +289,7 @@ bool stream_rx_take(struct stream_rx *rx, int64_t now, struct assembly_frame *fr
         if (slot) {
             if (take_packet(rx, slot, lost, frame))
                 return true;
-        } else if (!put_waiting(rx, now) && !give_up(rx, now)) {
+        } else if (!put_waiting(rx, now) && !give_up_due(rx, now)) {
             if (rx->switching && assembly_close(&rx->assembly, true, frame))
                 return true; /* the end of the former source's last frame */
             if (!put_next(rx))

@@ -26,7 +26,7 @@ void stream_tx_init(struct stream_tx *tx, const struct stream_tx_settings *setti
 
 /* ---- Input ---- */
 
-static bool enqueue(struct stream_tx *tx, int64_t now, uint16_t frame, const struct stream_tx_packet *packet) {
+static bool enqueue_packet(struct stream_tx *tx, int64_t now, uint16_t frame, const struct stream_tx_packet *packet) {
     if (tx->waiting == STREAM_TX_QUEUE || packet->size < FIXED || packet->size > RTP_PACKET_MAX)
         return false;
     struct repair_slot *slot = repair_waiting(&tx->window, tx->waiting++);
@@ -52,7 +52,7 @@ static void begin_frame(struct stream_tx *tx, unsigned packets) {
 void stream_tx_packets(struct stream_tx *tx, int64_t now, uint16_t frame, const struct stream_tx_packet *packets,
                        unsigned count) {
     for (unsigned i = 0; i < count; i++)
-        tx->count[STREAM_TX_DROPPED] += !enqueue(tx, now, frame, &packets[i]);
+        tx->count[STREAM_TX_DROPPED] += !enqueue_packet(tx, now, frame, &packets[i]);
     begin_frame(tx, count);
 }
 
@@ -89,7 +89,7 @@ bool stream_tx_frame(struct stream_tx *tx, int64_t now, struct rtp_packet packet
         packet.sequence = sequence++;
         size_t header = rtp_write(bytes, &packet);
         memcpy(bytes + header, payload, length);
-        enqueue(tx, now, packet.frame.count, &(struct stream_tx_packet){bytes, header + length});
+        enqueue_packet(tx, now, packet.frame.count, &(struct stream_tx_packet){bytes, header + length});
         packet.has_source = false; /* once a frame, in its first packet */
     }
     if (!length) /* a frame that has no room now leaves a gap in the numbers */
@@ -412,7 +412,7 @@ static bool is_link_full(const struct stream_tx *tx, int64_t now) {
  * nothing gets through, or no report: it would be of no use to the receiver, and have to be repaired as well after the
  * outage. A report can be forged, so it never stops the video: at least each third frame is sent, and on average 70 %.
  */
-static bool yields(struct stream_tx *tx, int64_t now) {
+static bool leaves_out(struct stream_tx *tx, int64_t now) {
     const struct deficit *deficit = feedback_single(&tx->feedback, now);
     double left = (fill_level(tx, now) - tuning.fill_reserve) * (double)budget_size(&tx->budget);
 
@@ -460,7 +460,7 @@ size_t stream_tx_allowance(struct stream_tx *tx, int64_t now) {
     double video = settings->video ? (double)settings->video * frame : wire * STREAM_TX_VIDEO;
     double spare = spare_bytes(tx, now, silence >= FEEDBACK_GONE);
 
-    if (is_behind(tx, now) || yields(tx, now))
+    if (is_behind(tx, now) || leaves_out(tx, now))
         return 0;
     if (silence >= tuning.stopped && silence < FEEDBACK_GONE) {
         wire *= tuning.stopped_rate;

@@ -37,14 +37,14 @@ static const struct {
     double link_least_share;                /* of -wire, at least: delays can be forged */
 
     /* ---- Frames ---- */
-    int64_t whole_every;      /* from one whole picture to the next */
-    double whole_share;       /* of the bytes in the bucket, for one: it waits 0.1 s before a link of this rate */
-    unsigned skip_frames;     /* most frames that are left out in sequence for repair or in an outage, */
-    double skip_frames_most;  /* most of them at once, */
-    double skip_share;        /* and of all frames on average */
-    unsigned outage_packets;  /* lost in sequence, after which most frames are left out */
-    double frame_least_bytes; /* less is not worth its headers */
-    double frame_least_share; /* of the rate that frames get, however much repair is wanted: else pictures are bad */
+    int64_t whole_every;        /* from one whole picture to the next */
+    double whole_share;         /* of the bytes in the bucket, for one: it waits 0.1 s before a link of this rate */
+    unsigned skip_frames;       /* most frames that are left out in sequence for repair or in an outage, */
+    double skip_frames_most;    /* most of them at once, */
+    double skip_share;          /* and of all frames on average */
+    unsigned outage_packets;    /* lost in sequence, after which most frames are left out */
+    unsigned frame_least_bytes; /* less is not worth its headers */
+    double frame_least_share;   /* of the rate that frames get, however much repair is wanted: else pictures are bad */
     double frame_least_share_alone; /* the same for a single receiver */
     int64_t packet_gap;             /* between packets, at most */
     unsigned burst_packets;         /* of a frame that go at once: few frames are larger, and 3.6 kB fit each queue */

@@ -87,25 +87,27 @@ static const AVFrame *frame_420(struct frame_420 *to, const AVFrame *picture) {
 _Static_assert(CHUNK_PADDING >= AV_INPUT_BUFFER_PADDING_SIZE, "libavcodec reads so far");
 
 /* libavcodec checks a size that is rounded up by at most this. */
-#define ROUNDED (INT64_C(63) * 16384)
-/* Pixels of all pictures in use: at most PICTURES times the limit of one picture, or PICTURES_LEAST if that is more. */
+#define ROUNDED_PIXELS (INT64_C(63) * 16384)
+/* Pixels of all pictures in use: at most PICTURES times the limit of one picture, or PICTURES_PIXELS_LEAST if that is
+ * more. */
 #define PICTURES 8
-#define PICTURES_LEAST (INT64_C(32) << 20)
+#define PICTURES_PIXELS_LEAST (INT64_C(32) << 20)
 #define PICTURES_BESIDE 5 /* pictures in use, in addition to the reference frames */
 /* Frames that a renewal may take; after that, another one is requested. */
-#define RENEWAL 50
+#define RENEWAL_FRAMES 50
 #define SEI 6            /* NAL unit type */
 #define RECOVERY_POINT 6 /* first byte of such a NAL unit: the type of the message in it */
 #define IDR 5            /* NAL unit type */
 
 /* False: pictures of this size are refused. `weight`: see frame_420_weight(). */
-static bool take_size(struct decoder *decoder, int width, int height, int references, int weight) {
+static bool accept_size(struct decoder *decoder, int width, int height, int references, int weight) {
     const struct decoder_limits *limits = &decoder->limits;
     int64_t pixels = (int64_t)width * height, all = limits->pixels * PICTURES;
 
     if (pixels > limits->pixels)
         decoder->refusal = DECODER_SIZE;
-    else if (pixels * weight * (references + PICTURES_BESIDE) > (all > PICTURES_LEAST ? all : PICTURES_LEAST))
+    else if (pixels * weight * (references + PICTURES_BESIDE) >
+             (all > PICTURES_PIXELS_LEAST ? all : PICTURES_PIXELS_LEAST))
         decoder->refusal = DECODER_FRAMES;
     else if (limits->even && (width % 2 || height % 2))
         decoder->refusal = DECODER_ODD;
@@ -128,7 +130,7 @@ static enum AVPixelFormat choose_format(AVCodecContext *context, const enum AVPi
     while (*formats != AV_PIX_FMT_NONE && !frame_420_is_possible(*formats))
         formats++;
     int weight = *formats == AV_PIX_FMT_NONE ? 1 : frame_420_weight(*formats);
-    if (context->width > 0 && !take_size(decoder, context->width, context->height, context->refs, weight))
+    if (context->width > 0 && !accept_size(decoder, context->width, context->height, context->refs, weight))
         return AV_PIX_FMT_NONE;
     if (*formats == AV_PIX_FMT_NONE)
         refuse_format(decoder);
@@ -136,13 +138,13 @@ static enum AVPixelFormat choose_format(AVCodecContext *context, const enum AVPi
 }
 
 /* With MPEG-4 libavcodec takes memory first, hence this check. */
-static bool take_mpeg4(struct decoder *decoder, const uint8_t *data, size_t size) {
+static bool accept_mpeg4(struct decoder *decoder, const uint8_t *data, size_t size) {
     struct mpeg4_vol vol;
 
     if (mpeg4_is_studio(data, size))
         return refuse_format(decoder);
     for (const uint8_t *at = data; mpeg4_next_vol(&at, data + size, &vol);)
-        if (!take_size(decoder, (int)vol.width, (int)vol.height, 1, 1))
+        if (!accept_size(decoder, (int)vol.width, (int)vol.height, 1, 1))
             return false;
     return true;
 }
@@ -166,7 +168,7 @@ int decoder_open(struct decoder *decoder, enum rtp_type type, const struct decod
     decoder->context->flags |= AV_CODEC_FLAG_LOW_DELAY;
     decoder->context->opaque = decoder;
     decoder->context->get_format = choose_format;
-    decoder->context->max_pixels = limits->pixels + ROUNDED;
+    decoder->context->max_pixels = limits->pixels + ROUNDED_PIXELS;
     return avcodec_open2(decoder->context, codec, NULL);
 }
 
@@ -180,7 +182,7 @@ void decoder_close(struct decoder *decoder) {
 }
 
 /* Whether pictures become whole from this frame on, at once or step by step. */
-static bool renews(enum rtp_type type, const uint8_t *data, size_t size) {
+static bool has_renewal(enum rtp_type type, const uint8_t *data, size_t size) {
     struct h264_nal nal;
 
     if (type == RTP_MPEG4)
@@ -214,16 +216,16 @@ bool decoder_wants_renewal(const struct decoder *decoder) {
 
 /* After each decoded frame: whether a renewal is still needed. */
 static void follow_renewal(struct decoder *decoder, const uint8_t *data, size_t size) {
-    if (renews(decoder->type, data, size)) {
+    if (has_renewal(decoder->type, data, size)) {
         decoder->wanting = false;
         decoder->frames = 0;
-    } else if (decoder->recovering && ++decoder->frames > RENEWAL) {
+    } else if (decoder->recovering && ++decoder->frames > RENEWAL_FRAMES) {
         decoder_want_renewal(decoder);
     }
 }
 
 /* The frame's last picture, if it gives several; NULL if none. */
-static const AVFrame *decode(struct decoder *decoder, const uint8_t *data, size_t size) {
+static const AVFrame *decode_frame(struct decoder *decoder, const uint8_t *data, size_t size) {
     AVFrame *picture = decoder->picture;
     bool found = false;
 
@@ -247,11 +249,11 @@ static bool is_whole(const struct decoder *decoder, const AVFrame *picture) {
 }
 
 /* Whether the decoded picture can be shown. Checked again, since the headers may have had other values. */
-static bool take_picture(struct decoder *decoder, const AVFrame *picture) {
+static bool accept_picture(struct decoder *decoder, const AVFrame *picture) {
     enum AVPixelFormat format = picture->format;
 
     return frame_420_is_possible(format)
-               ? take_size(decoder, picture->width, picture->height, 1, frame_420_weight(format))
+               ? accept_size(decoder, picture->width, picture->height, 1, frame_420_weight(format))
                : refuse_format(decoder);
 }
 
@@ -264,9 +266,9 @@ const AVFrame *decoder_decode(struct decoder *decoder, const uint8_t *data, size
     if (!decoder->joined || !size)
         return NULL;
     decoder->refusal = DECODER_SHOWS;
-    if (decoder->type == RTP_H264 || take_mpeg4(decoder, data, size))
-        picture = decode(decoder, data, size);
-    if (picture && !(take_picture(decoder, picture) && is_whole(decoder, picture)))
+    if (decoder->type == RTP_H264 || accept_mpeg4(decoder, data, size))
+        picture = decode_frame(decoder, data, size);
+    if (picture && !(accept_picture(decoder, picture) && is_whole(decoder, picture)))
         picture = NULL;
     follow_renewal(decoder, data, size);
     if (decoder->refusal) /* the following frames belong to it, up to the next point where a decoder can begin */

@@ -12,7 +12,7 @@
 
 /* ---- Sources ---- */
 
-static struct guard_source *find(struct guard *guard, uint32_t ssrc) {
+static struct guard_source *find_source(struct guard *guard, uint32_t ssrc) {
     for (struct guard_source *source = guard->source; source < guard->source + GUARD_SOURCES; source++)
         if (source->used && source->ssrc == ssrc)
             return source;
@@ -21,7 +21,7 @@ static struct guard_source *find(struct guard *guard, uint32_t ssrc) {
 
 /* The source with this SSRC; if it is new, it takes the place of the one that was used least recently. */
 static struct guard_source *source_of(struct guard *guard, uint32_t ssrc) {
-    struct guard_source *source = find(guard, ssrc);
+    struct guard_source *source = find_source(guard, ssrc);
 
     if (!source) {
         source = guard->source;
@@ -43,7 +43,7 @@ static bool is_shown(const struct guard *guard, uint32_t ssrc) {
 }
 
 /* A refused packet of a stream on display is forged, and has no effect on that stream. */
-static void refuse(struct guard *guard, const struct rtp_packet *packet) {
+static void refuse_packet(struct guard *guard, const struct rtp_packet *packet) {
     if (is_shown(guard, packet->ssrc))
         return;
     struct guard_source *source = source_of(guard, packet->ssrc);
@@ -54,7 +54,7 @@ static void refuse(struct guard *guard, const struct rtp_packet *packet) {
 
 /* ---- With a key ---- */
 
-static bool unlock(struct guard *guard, uint8_t *data, size_t *size) {
+static bool decrypt(struct guard *guard, uint8_t *data, size_t *size) {
     int error = secure_unprotect(guard->secure, data, size);
 
     guard->count[GUARD_REPEATED] += error == -EALREADY;
@@ -62,9 +62,9 @@ static bool unlock(struct guard *guard, uint8_t *data, size_t *size) {
     return !error;
 }
 
-static bool unlock_media(struct guard *guard, uint8_t *data, size_t *size) {
+static bool decrypt_media(struct guard *guard, uint8_t *data, size_t *size) {
     uint64_t refused = guard->count[GUARD_REFUSED];
-    bool good = unlock(guard, data, size);
+    bool good = decrypt(guard, data, size);
     struct rtp_packet packet;
 
     if (*size > SECURE_PACKET_MAX || !rtp_parse(data, *size, &packet))
@@ -72,7 +72,7 @@ static bool unlock_media(struct guard *guard, uint8_t *data, size_t *size) {
     if (good)
         source_of(guard, packet.ssrc)->good = true;
     else if (guard->count[GUARD_REFUSED] > refused)
-        refuse(guard, &packet);
+        refuse_packet(guard, &packet);
     return good;
 }
 
@@ -85,7 +85,7 @@ static bool pass_media(struct guard *guard, const uint8_t *data, size_t size) {
     if (size > SECURE_PACKET_MAX || !rtp_parse(data, size, &packet) || !packet.frame.encrypted)
         return true;
     guard->count[GUARD_REFUSED]++;
-    refuse(guard, &packet);
+    refuse_packet(guard, &packet);
     return false;
 }
 
@@ -93,7 +93,7 @@ static bool pass_media(struct guard *guard, const uint8_t *data, size_t size) {
 static bool pass_repair(struct guard *guard, const uint8_t *data, size_t size) {
     if (size < CSRC + 4 || !(data[0] & 15) || is_shown(guard, get32(data + CSRC)))
         return true;
-    const struct guard_source *source = find(guard, get32(data + CSRC));
+    const struct guard_source *source = find_source(guard, get32(data + CSRC));
     if (!source || !source->encrypted)
         return true;
     guard->count[GUARD_REFUSED]++;
@@ -103,11 +103,11 @@ static bool pass_repair(struct guard *guard, const uint8_t *data, size_t size) {
 /* ---- Both ---- */
 
 bool guard_media(struct guard *guard, uint8_t *data, size_t *size) {
-    return guard->secure ? unlock_media(guard, data, size) : pass_media(guard, data, *size);
+    return guard->secure ? decrypt_media(guard, data, size) : pass_media(guard, data, *size);
 }
 
 bool guard_repair(struct guard *guard, uint8_t *data, size_t *size) {
-    return guard->secure ? unlock(guard, data, size) : pass_repair(guard, data, *size);
+    return guard->secure ? decrypt(guard, data, size) : pass_repair(guard, data, *size);
 }
 
 static void write_line(const struct guard *guard, const struct guard_source *source, char *text) {

@@ -15,7 +15,7 @@
 
 #define BUFFER (1 << 20) /* bytes that may wait in the kernel while a picture is decoded */
 
-static void set(int fd, int level, int option, int value) {
+static void set_option(int fd, int level, int option, int value) {
     setsockopt(fd, level, option, &value, sizeof value);
 }
 
@@ -28,8 +28,8 @@ static int bind_ipv4(int fd, uint16_t port) {
 static int bind_both(int fd, uint16_t port) {
     const struct sockaddr_in6 any = {.sin6_family = AF_INET6, .sin6_port = htons(port)};
 
-    set(fd, IPPROTO_IPV6, IPV6_V6ONLY, 0);
-    set(fd, IPPROTO_IPV6, IPV6_MULTICAST_ALL, 0); /* no packets of groups that only other programs have joined */
+    set_option(fd, IPPROTO_IPV6, IPV6_V6ONLY, 0);
+    set_option(fd, IPPROTO_IPV6, IPV6_MULTICAST_ALL, 0); /* no packets of groups that only other programs have joined */
     return bind(fd, (const struct sockaddr *)&any, sizeof any);
 }
 
@@ -42,9 +42,9 @@ int listen_open(uint16_t port) {
         fd = socket(AF_INET, kind, 0);
     if (fd < 0)
         return -errno;
-    set(fd, SOL_SOCKET, SO_REUSEADDR, 1); /* several programs may show one stream */
-    set(fd, SOL_SOCKET, SO_RCVBUF, BUFFER);
-    set(fd, IPPROTO_IP, IP_MULTICAST_ALL, 0);
+    set_option(fd, SOL_SOCKET, SO_REUSEADDR, 1); /* several programs may show one stream */
+    set_option(fd, SOL_SOCKET, SO_RCVBUF, BUFFER);
+    set_option(fd, IPPROTO_IP, IP_MULTICAST_ALL, 0);
     if (!(ipv6 ? bind_both(fd, port) : bind_ipv4(fd, port)))
         return fd;
     int error = -errno;

@@ -4,8 +4,8 @@
 #include <inttypes.h>
 #include <stdio.h>
 
-#define SECOND INT64_C(1000000000)
-#define MS INT64_C(1000000)
+#include "ddx_time.h"
+
 #define STILL 400 /* ms; a picture that stands still for longer is worth a line */
 
 static void measure(struct link *link, int64_t now) {

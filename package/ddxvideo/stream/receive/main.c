@@ -9,6 +9,7 @@
 #include <sys/socket.h>
 #include <unistd.h>
 
+#include "ddx_time.h"
 #include "inlet.h"
 #include "program.h"
 #include "sap.h"
@@ -18,9 +19,8 @@
 /* ---- The list of announced streams ---- */
 
 #define LIST_SECONDS 6 /* our senders announce each 5 s */
-#define NS INT64_C(1000000000)
-#define LOOK_UP 100 /* ms; a signal may come just before a wait */
-#define ENTRIES 100 /* further announcements are not listed */
+#define LOOK_UP 100    /* ms; a signal may come just before a wait */
+#define ENTRIES 100    /* further announcements are not listed */
 #define DATAGRAM 4096
 #define BATCH 1024 /* datagrams between two checks of the time */
 
@@ -44,7 +44,7 @@ static bool is_same(const struct entry *entry, const struct sap *sap) {
     return entry->hash == sap->hash && !memcmp(&entry->origin, &sap->origin, sizeof sap->origin);
 }
 
-static void take(struct list *list, const struct sap *sap, int64_t now) {
+static void take_announcement(struct list *list, const struct sap *sap, int64_t now) {
     struct sdp_stream stream;
     unsigned i = 0;
 
@@ -66,7 +66,7 @@ static void read_all(struct list *list, int fd) {
 
     for (int i = 0; i < BATCH && (size = recv(fd, data, sizeof data, MSG_TRUNC)) >= 0; i++) {
         if (size <= DATAGRAM && sap_parse(data, (size_t)size, &sap))
-            take(list, &sap, ddx_time_now());
+            take_announcement(list, &sap, ddx_time_now());
     }
 }
 
@@ -74,7 +74,7 @@ static int by_name(const void *a, const void *b) {
     return strcmp(((const struct entry *)a)->stream.name, ((const struct entry *)b)->stream.name);
 }
 
-static void print(struct list *list) {
+static void print_list(struct list *list) {
     int64_t now = ddx_time_now();
 
     qsort(list->entry, list->count, sizeof *list->entry, by_name);
@@ -83,7 +83,7 @@ static void print(struct list *list) {
         char host[NETWORK_TEXT_MAX];
 
         printf("%-24s %5u  %-8s %3.1f s  %s\n", network_host(&stream->address, host), network_port(&stream->address),
-               stream->codec, (double)(now - list->entry[i].heard) / NS, stream->name);
+               stream->codec, (double)(now - list->entry[i].heard) / SECOND, stream->name);
     }
     if (!list->count)
         say("no stream is announced here; a sender to single receivers, or with -sap no, announces none");
@@ -125,13 +125,13 @@ static int list_run(const char *interface) {
         return EXIT_FAILED;
     }
     print_head();
-    for (int64_t end = ddx_time_now() + LIST_SECONDS * NS; ddx_time_now() < end && !program_stopping();) {
+    for (int64_t end = ddx_time_now() + LIST_SECONDS * SECOND; ddx_time_now() < end && !program_stopping();) {
         poll(&wanted, 1, LOOK_UP);
         read_all(&list, wanted.fd);
     }
     read_all(&list, wanted.fd); /* datagrams from before the signal */
     close(wanted.fd);
-    print(&list);
+    print_list(&list);
     return EXIT_OK;
 }
 

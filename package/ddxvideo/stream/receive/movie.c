@@ -3,6 +3,7 @@
 
 #include <string.h>
 
+#include "ddx_time.h"
 #include "h264.h"
 #include "ddxvideo.h"
 
@@ -10,7 +11,6 @@
 #include <libavformat/avformat.h>
 #include <strings.h>
 
-#define NS 1000000000
 #define RATE_DEFAULT 25
 
 static const char *extension(const char *path) {
@@ -93,7 +93,7 @@ static int begin(struct movie *movie, const struct assembly_frame *frame, const 
 
 static int write_frame(struct movie *movie, const struct assembly_frame *frame, int64_t time) {
     AVStream *stream = movie->file->streams[0];
-    int64_t at = av_rescale_q(time - movie->first, (AVRational){1, NS}, stream->time_base);
+    int64_t at = av_rescale_q(time - movie->first, (AVRational){1, SECOND}, stream->time_base);
 
     if (at <= movie->last) /* two frames within a unit */
         at = movie->last + 1;

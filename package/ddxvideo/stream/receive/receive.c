@@ -9,16 +9,16 @@
 #include <string.h>
 #include <sys/socket.h>
 
+#include "ddx_time.h"
+
 static const char *const reasons[] = VIEWER_REASONS;
 static const char *const names[] = {STREAM_RX_NAMES, GUARD_NAMES, VIEWER_REPORT_NAMES, LINK_NAMES};
 
-#define MS INT64_C(1000000)
-#define NS INT64_C(1000000000)
-#define IDLE (100 * MS)                   /* longest wait, */
-#define WINDOW (10 * MS)                  /* with a window */
+#define IDLE_NS (100 * MS)                /* longest wait, */
+#define WINDOW_NS (10 * MS)               /* with a window */
 #define PIXELS_MAX (INT64_C(4096) * 4096) /* of a picture that no store has to hold */
-#define BATCH 64                          /* packets of each port: floods do not keep decode from its other work */
-#define ALL 1024                          /* packets, more than the sockets hold */
+#define BATCH_PACKETS 64                  /* packets of each port: floods do not keep decode from its other work */
+#define LAST_PACKETS 1024                 /* packets, more than the sockets hold */
 
 static void fail(struct viewer *viewer, const char *what, const char *why) {
     say("%s: %s", what, why);
@@ -29,7 +29,7 @@ static void fail(struct viewer *viewer, const char *what, const char *why) {
 /* ---- Frames ---- */
 
 /* What the link does now. */
-static uint64_t *link_of(struct viewer *viewer) {
+static uint64_t *measure_link(struct viewer *viewer) {
     uint64_t *figures = viewer->packets + STREAM_RX_COUNTS + GUARD_COUNTS + VIEWER_REPORT_COUNTS;
 
     link_figures(&viewer->link, ddx_time_now(), figures);
@@ -44,7 +44,7 @@ static void show_counters(struct viewer *viewer) {
     memcpy(to, viewer->rx.count, sizeof viewer->rx.count);
     memcpy(to + STREAM_RX_COUNTS, viewer->guard.count, sizeof viewer->guard.count);
     memcpy(to + STREAM_RX_COUNTS + GUARD_COUNTS, viewer->reports, sizeof viewer->reports);
-    link_of(viewer);
+    measure_link(viewer);
     counters_write(&viewer->counters);
 }
 
@@ -54,7 +54,7 @@ static bool counters_differ(const struct viewer *viewer) {
            memcmp(viewer->packets + STREAM_RX_COUNTS, viewer->guard.count, sizeof viewer->guard.count) != 0;
 }
 
-static void record(struct viewer *viewer, const struct assembly_frame *frame) {
+static void record_frame(struct viewer *viewer, const struct assembly_frame *frame) {
     int64_t time = frame->has_source ? frame->frame.capture : frame->arrival;
     int error = movie_add(&viewer->movie, frame, time, viewer->decoder.context);
 
@@ -75,7 +75,7 @@ static void begin_source(struct viewer *viewer, const struct assembly_frame *fra
 }
 
 /* The frame's picture; NULL if it gives none, or only an unwanted one. */
-static const AVFrame *decode(struct viewer *viewer, const struct assembly_frame *frame, bool *damaged) {
+static const AVFrame *decode_frame(struct viewer *viewer, const struct assembly_frame *frame, bool *damaged) {
     struct decoder *decoder = &viewer->decoder;
 
     if (frame->damaged && viewer->conceal)
@@ -107,9 +107,9 @@ static void handle(struct viewer *viewer, const struct assembly_frame *frame) {
         begin_source(viewer, frame);
     ddx_stats_in(viewer->book, 1 + frame->missing, 0);
     ddx_stats_lost(viewer->book, LOST_NETWORK, frame->missing);
-    const AVFrame *picture = viewer->done ? NULL : decode(viewer, frame, &damaged);
+    const AVFrame *picture = viewer->done ? NULL : decode_frame(viewer, frame, &damaged);
     if (!viewer->done)
-        record(viewer, frame);
+        record_frame(viewer, frame);
     if (picture) {
         link_shown(&viewer->link, !viewer->shown, ddx_time_now());
         viewer->shown = true;
@@ -181,12 +181,12 @@ static void read_packets(struct viewer *viewer, int most) {
     }
 }
 
-static void join(struct viewer *viewer) {
+static void join_group(struct viewer *viewer) {
     int64_t now = ddx_time_now();
 
     if (viewer->inlet.joined || now < viewer->joining)
         return;
-    viewer->joining = now + NS;
+    viewer->joining = now + SECOND;
     int error = inlet_join(&viewer->inlet);
     if (error && !viewer->said_join) {
         say("cannot join %s: %s%s; trying again", viewer->inlet.group, strerror(-error),
@@ -197,7 +197,7 @@ static void join(struct viewer *viewer) {
 
 static void wait_for_packets(const struct viewer *viewer) {
     struct pollfd wanted[INLET_PORTS];
-    int64_t now = ddx_time_now(), limit = viewer->screen.tick && !viewer->screen.each ? WINDOW : IDLE;
+    int64_t now = ddx_time_now(), limit = viewer->screen.tick && !viewer->screen.each ? WINDOW_NS : IDLE_NS;
     int64_t gap = stream_rx_deadline(&viewer->rx);
     int64_t report = stream_rx_report_deadline(&viewer->rx);
     int64_t until = gap < report ? gap : report;
@@ -219,7 +219,7 @@ static bool send_report(const struct viewer *viewer, uint8_t *data, size_t size)
 }
 
 /* Sends the report that is due. Nothing waits. */
-static void report(struct viewer *viewer) {
+static void report_losses(struct viewer *viewer) {
     uint8_t data[REPORT_MAX + SECURE_ROOM] __attribute__((aligned(4)));
     size_t size = stream_rx_report(&viewer->rx, ddx_time_now(), decoder_wants_renewal(&viewer->decoder), data);
 
@@ -230,7 +230,7 @@ static void report(struct viewer *viewer) {
 static void tell_link(struct viewer *viewer) {
     char text[LINK_TEXT_MAX];
 
-    if (link_says(&viewer->link, ddx_time_now(), link_of(viewer), text))
+    if (link_says(&viewer->link, ddx_time_now(), measure_link(viewer), text))
         say("%s", text);
 }
 
@@ -239,7 +239,7 @@ static void tell_refused(struct viewer *viewer) {
     char text[GUARD_TEXT_MAX];
     int64_t now = ddx_time_now();
 
-    if (now - viewer->counted >= IDLE && counters_differ(viewer)) {
+    if (now - viewer->counted >= IDLE_NS && counters_differ(viewer)) {
         show_counters(viewer);
         viewer->counted = now;
     }
@@ -247,13 +247,13 @@ static void tell_refused(struct viewer *viewer) {
         say("%s", text);
 }
 
-static void view(struct viewer *viewer) {
+static void view_stream(struct viewer *viewer) {
     while (!program_stopping() && !viewer->done) {
-        join(viewer);
+        join_group(viewer);
         wait_for_packets(viewer);
-        read_packets(viewer, BATCH);
+        read_packets(viewer, BATCH_PACKETS);
         take_frames(viewer);
-        report(viewer);
+        report_losses(viewer);
         tell_refused(viewer);
         tell_link(viewer);
         put_on_screen(viewer);
@@ -262,7 +262,7 @@ static void view(struct viewer *viewer) {
         program_tick(viewer->book);
     }
     /* At a stop: shows frames that had arrived, and frames that wait for a missing packet. */
-    read_packets(viewer, ALL);
+    read_packets(viewer, LAST_PACKETS);
     struct assembly_frame frame;
     while (stream_rx_take_last(&viewer->rx, &frame))
         handle(viewer, &frame);
@@ -287,7 +287,7 @@ static void find_limits(struct viewer *viewer) {
 }
 
 /* The store is for our counters, and for the pictures if requested; only then it is required. */
-static bool attach(struct viewer *viewer) {
+static bool attach_store(struct viewer *viewer) {
     if (viewer->output.name)
         viewer->id = program_connect(&viewer->program);
     else
@@ -323,7 +323,7 @@ static bool prepare(struct viewer *viewer) {
     viewer->newest.picture = av_frame_alloc();
     if (!viewer->newest.picture)
         return false;
-    if (!attach(viewer))
+    if (!attach_store(viewer))
         return false;
     find_limits(viewer);
     return true;
@@ -341,7 +341,7 @@ int viewer_run(struct viewer *viewer) {
                                          .values = viewer->packets,
                                          .count = sizeof names / sizeof *names};
     if (prepare(viewer))
-        view(viewer);
+        view_stream(viewer);
     show_counters(viewer);
     int error = movie_close(&viewer->movie);
     if (error < 0) {

@@ -80,7 +80,7 @@ static void count_shown(struct viewer *viewer, const struct ddxvideo_stamp *stam
 }
 
 /* Counts the picture that waits for the screen as not shown there. */
-static void pass_over(struct viewer *viewer, enum viewer_loss why) {
+static void drop_waiting(struct viewer *viewer, enum viewer_loss why) {
     if (viewer->newest.waits && !viewer->newest.counted)
         ddx_stats_lost(viewer->book, why, 1);
     viewer->newest.waits = false;
@@ -92,13 +92,13 @@ static void keep_for_screen(struct viewer *viewer, const struct ddxvideo_stamp *
                             bool damaged, bool counted) {
     struct newest *newest = &viewer->newest;
 
-    pass_over(viewer, LOST_NEWER);
+    drop_waiting(viewer, LOST_NEWER);
     newest->stamp = *stamp;
     newest->damaged = damaged;
     newest->counted = counted;
     newest->waits = true;
     if (av_frame_ref(newest->picture, picture))
-        pass_over(viewer, LOST_DECODE);
+        drop_waiting(viewer, LOST_DECODE);
 }
 
 /* At once. */
@@ -140,7 +140,7 @@ const char *show_newest(struct viewer *viewer) {
         count_shown(viewer, &newest->stamp, newest->damaged);
         newest->counted = true;
     }
-    pass_over(viewer, LOST_DECODE);
+    drop_waiting(viewer, LOST_DECODE);
     ddx_stats_write(viewer->book);
     return wrong;
 }
@@ -170,7 +170,7 @@ static struct display *display_open(const char *title, const char **error) {
     return NULL;
 }
 
-static const char *draw(struct display *display) {
+static const char *draw_picture(struct display *display) {
     const struct ddxvideo_picture picture = output_picture(display->picture, (AVRational){0, 0});
     struct canvas canvas;
     struct layout layout;
@@ -193,7 +193,7 @@ static const char *display_show(struct display *display, const AVFrame *picture)
         return "out of memory";
     if (resized)
         surface_resize(display->surface, picture->width, picture->height);
-    return draw(display);
+    return draw_picture(display);
 }
 
 /* False if the window was closed, or Escape or q was pressed. Call it often. */
@@ -209,7 +209,7 @@ static bool display_tick(struct display *display) {
         again |= event.kind == SURFACE_RESIZE;
     }
     if (open && again && display->picture->width)
-        draw(display);
+        draw_picture(display);
     return open;
 }
 

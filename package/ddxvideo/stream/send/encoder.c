@@ -11,45 +11,46 @@
 
 /* ---- H.264, each frame one slice: only the first one is a key frame, later ones renew columns of macroblocks ---- */
 
-#define REFRESH 4       /* s from one renewal of the picture to the next: renewal in each second would cost 1.5 dB */
-#define SETS_EVERY 1    /* s */
-#define PERIOD_LEAST 10 /* pictures, of both */
+#define RENEWAL_SECONDS 4 /* s from one renewal of the picture to the next: renewal in each second would cost 1.5 dB */
+#define SETS_SECONDS 1    /* s */
+#define PERIOD_PICTURES_LEAST 10 /* pictures, of both */
 
 /*
  * Sizes of frames. x264 has no size for a single frame, but a buffer (VBV) that frames fill and the rate empties. With
  * a buffer of one frame no frame is larger than wanted, at a cost of half a dB; with one of 2.5 frames, several frames
  * are too large after the wanted size falls. So the buffer is one frame when it falls, and grows from then on. Frames
- * are smaller than the buffer allows, hence MORE. Measured: docs/bench.md.
+ * are smaller than the buffer allows, hence RATE_RATIO. Measured: docs/bench.md.
  */
-#define MORE 1.2
-#define BUFFER_LEAST 1.0
-#define BUFFER_MOST 2.5
-#define BUFFER_STEP 0.25
-#define FALL 0.85     /* of the level; a wanted size below this is a fall */
-#define FORGET 0.3    /* of the distance from the level to a lower wanted size, each frame */
-#define KBIT_MAX 1e6  /* kbit/s */
-#define QP_STEP 20    /* from frame to frame; x264's 4 need several frames after a change */
-#define TOLERANCE 0.3 /* of the rate: x264's 1 lets it drift */
+#define RATE_RATIO 1.2
+#define BUFFER_FRAMES_LEAST 1.0
+#define BUFFER_FRAMES_MOST 2.5
+#define BUFFER_FRAMES_STEP 0.25
+#define FALL_RATIO 0.85    /* of the level; a wanted size below this is a fall */
+#define FORGET_SHARE 0.3   /* of the distance from the level to a lower wanted size, each frame */
+#define KBIT_MAX 1e6       /* kbit/s */
+#define QP_STEP 20         /* from frame to frame; x264's 4 need several frames after a change */
+#define RATE_TOLERANCE 0.3 /* of the rate: x264's 1 lets it drift */
 
 static double clip(double value, double least, double most) {
     return value < least ? least : value > most ? most : value;
 }
 
 static void set_rate(struct encode_h264 *encoder, double bytes) {
-    double rate = clip(bytes * MORE * encoder->rate * 8 / 1000, 1, KBIT_MAX);
-    bool falls = bytes < FALL * encoder->level;
+    double rate = clip(bytes * RATE_RATIO * encoder->rate * 8 / 1000, 1, KBIT_MAX);
+    bool falls = bytes < FALL_RATIO * encoder->level;
 
-    encoder->buffer = falls ? BUFFER_LEAST : clip(encoder->buffer + BUFFER_STEP, BUFFER_LEAST, BUFFER_MOST);
+    encoder->buffer = falls ? BUFFER_FRAMES_LEAST
+                            : clip(encoder->buffer + BUFFER_FRAMES_STEP, BUFFER_FRAMES_LEAST, BUFFER_FRAMES_MOST);
     if (falls || bytes > encoder->level)
         encoder->level = bytes;
     else
-        encoder->level += FORGET * (bytes - encoder->level);
+        encoder->level += FORGET_SHARE * (bytes - encoder->level);
     encoder->param.rc.i_bitrate = encoder->param.rc.i_vbv_max_bitrate = (int)rate;
     encoder->param.rc.i_vbv_buffer_size = (int)clip(rate * encoder->buffer / encoder->rate + 0.5, 1, KBIT_MAX);
 }
 
 static int pictures_in(const struct encode_h264 *encoder, double seconds) {
-    return (int)clip(seconds * encoder->rate, PERIOD_LEAST, 1e6);
+    return (int)clip(seconds * encoder->rate, PERIOD_PICTURES_LEAST, 1e6);
 }
 
 /*
@@ -63,13 +64,13 @@ static void set_quality(struct encode_h264 *encoder) {
     param->b_sliced_threads = 0;
     param->i_slice_count = 1;
     param->b_intra_refresh = 1;
-    param->i_keyint_max = pictures_in(encoder, REFRESH);
+    param->i_keyint_max = pictures_in(encoder, RENEWAL_SECONDS);
     param->analyse.b_psy = 0;
     param->analyse.b_dct_decimate = 0;
     param->rc.i_aq_mode = X264_AQ_NONE;
     param->rc.i_rc_method = X264_RC_ABR;
     param->rc.i_qp_step = QP_STEP;
-    param->rc.f_rate_tolerance = TOLERANCE;
+    param->rc.f_rate_tolerance = RATE_TOLERANCE;
 }
 
 static void set_format(x264_param_t *param, const struct ddxvideo_geometry *geometry, int rate_num, int rate_den) {
@@ -109,7 +110,7 @@ static int take_sets(struct encode_h264 *encoder) {
 /* `bitrate`: bit/s; `fast`: preset ultrafast. 0, or a negative AVERROR. Close it in any case. */
 static int encode_h264_open(struct encode_h264 *encoder, const struct ddxvideo_geometry *geometry, int rate_num,
                             int rate_den, long bitrate, bool fast) {
-    *encoder = (struct encode_h264){.rate = (double)rate_num / rate_den, .buffer = BUFFER_MOST};
+    *encoder = (struct encode_h264){.rate = (double)rate_num / rate_den, .buffer = BUFFER_FRAMES_MOST};
     encoder->bytes = (double)bitrate / 8 / encoder->rate;
     if (x264_param_default_preset(&encoder->param, fast ? "ultrafast" : "superfast", "zerolatency") < 0)
         return AVERROR_EXTERNAL;
@@ -166,13 +167,13 @@ static int encode_h264_picture(struct encode_h264 *encoder, const struct ddxvide
     encoded->size = (size_t)bytes;
     if (number < encoder->sets_due && !out.b_keyframe)
         return 0;
-    encoder->sets_due = number + pictures_in(encoder, SETS_EVERY);
+    encoder->sets_due = number + pictures_in(encoder, SETS_SECONDS);
     return add_sets(encoder, encoded);
 }
 
 /* ---- MPEG-4: a key frame every two seconds, and video packets that fit in RTP packets ---- */
 
-static int within(int value, int least, int most) {
+static int limit(int value, int least, int most) {
     return value < least ? least : value > most ? most : value;
 }
 
@@ -180,7 +181,7 @@ static int within(int value, int least, int most) {
  * The encoder has no intra refresh, so there are key frames, and the rate is kept over half a second, or two frames if
  * that is longer. It ends a video packet after the macroblock that exceeds the given size, hence the margin.
  */
-static int set(AVCodecContext *context, const struct ddxvideo_geometry *geometry, AVRational rate, long bitrate) {
+static int set_mpeg4(AVCodecContext *context, const struct ddxvideo_geometry *geometry, AVRational rate, long bitrate) {
     context->width = geometry->width;
     context->height = geometry->height;
     context->pix_fmt = AV_PIX_FMT_YUV420P;
@@ -191,7 +192,7 @@ static int set(AVCodecContext *context, const struct ddxvideo_geometry *geometry
     context->bit_rate = context->rc_max_rate = bitrate;
     double buffer = (double)bitrate * (rate.num < 4 * rate.den ? 2.0 * rate.den / rate.num : 0.5);
     context->rc_buffer_size = buffer < INT_MAX ? (int)buffer : INT_MAX;
-    context->gop_size = 2 * within(rate.num / rate.den, 10, 60);
+    context->gop_size = 2 * limit(rate.num / rate.den, 10, 60);
     context->max_b_frames = 0;
     context->thread_count = 1;
     return av_opt_set_int(context, "ps", (RTP_PACKET_MAX - RTP_HEADER_MAX) * 3 / 4, AV_OPT_SEARCH_CHILDREN);
@@ -210,7 +211,7 @@ static int encode_mpeg4_open(struct encode_mpeg4 *encoder, const struct ddxvideo
     encoder->packet = av_packet_alloc();
     if (!encoder->context || !encoder->frame || !encoder->packet)
         return AVERROR(ENOMEM);
-    int error = set(encoder->context, geometry, (AVRational){rate_num, rate_den}, bitrate);
+    int error = set_mpeg4(encoder->context, geometry, (AVRational){rate_num, rate_den}, bitrate);
     return error < 0 ? error : avcodec_open2(encoder->context, codec, NULL);
 }
 
@@ -254,7 +255,7 @@ static int encode_mpeg4_picture(struct encode_mpeg4 *encoder, const struct ddxvi
 #define RATE_DEFAULT 25
 #define WARM_WIDTH 352
 #define WARM_HEIGHT 288
-#define SLOWEST 10 /* s from frame to frame */
+#define INTERVAL_SECONDS_MOST 10 /* s from frame to frame */
 
 /* Frames per second that both codecs can express. */
 static void choose_rate(const struct ddxvideo_geometry *geometry, int *num, int *den) {
@@ -264,9 +265,9 @@ static void choose_rate(const struct ddxvideo_geometry *geometry, int *num, int 
         av_reduce(num, den, geometry->rate_num, geometry->rate_den, RATE_NUMBER_MAX);
     if (!*num || !*den) /* less than one in 18 hours, or more than the codecs can express */
         *num = *den = 1;
-    if (*den / *num > SLOWEST) { /* at slower rates a frame's size would exceed the codecs' numbers */
+    if (*den / *num > INTERVAL_SECONDS_MOST) { /* at slower rates a frame's size would exceed the codecs' numbers */
         *num = 1;
-        *den = SLOWEST;
+        *den = INTERVAL_SECONDS_MOST;
     }
 }
 

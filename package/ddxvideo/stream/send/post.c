@@ -8,11 +8,11 @@
 #include <sys/eventfd.h>
 #include <unistd.h>
 
+#include "ddx_time.h"
 #include "program.h"
 
-#define NS INT64_C(1000000000)
-#define IDLE (NS / 5) /* the longest wait without packets or reports */
-#define BATCH 64      /* datagrams read in one turn, so that a flood does not stop packets from being sent */
+#define IDLE_NS (SECOND / 5) /* the longest wait without packets or reports */
+#define BATCH_DATAGRAMS 64   /* datagrams read in one turn, so that a flood does not stop packets from being sent */
 #define REPORT_DATAGRAM 1500
 #define MARKER 0x80 /* of the second byte of an RTP packet: the last one of its frame */
 
@@ -70,7 +70,8 @@ static void read_reports(struct post *post) {
     uint64_t address;
     ssize_t came;
 
-    for (int i = 0; i < BATCH && (came = outlet_read(post->outlet, data, REPORT_DATAGRAM, &address)) >= 0; i++) {
+    for (int i = 0; i < BATCH_DATAGRAMS && (came = outlet_read(post->outlet, data, REPORT_DATAGRAM, &address)) >= 0;
+         i++) {
         size_t size = came > REPORT_DATAGRAM ? 0 : (size_t)came; /* cut off: not a report, like an empty datagram */
 
         if (size && post->secure && secure_unprotect_report(post->secure, data, &size))
@@ -86,7 +87,7 @@ static void wait_for_work(struct post *post, int64_t until) {
     int64_t wait = until - ddx_time_now();
     eventfd_t value;
 
-    wait = wait < 0 ? 0 : wait > IDLE ? IDLE : wait;
+    wait = wait < 0 ? 0 : wait > IDLE_NS ? IDLE_NS : wait;
     for (int i = 0; i < OUTLET_SOCKETS; i++)
         wanted[1 + i] = (struct pollfd){.fd = post->outlet->fd[i], .events = POLLIN};
     ppoll(wanted, 1 + OUTLET_SOCKETS, &(struct timespec){.tv_nsec = (long)wait}, NULL);
@@ -94,7 +95,7 @@ static void wait_for_work(struct post *post, int64_t until) {
         eventfd_read(post->wake, &value);
 }
 
-static void *run(void *data) {
+static void *run_thread(void *data) {
     struct post *post = data;
     bool stopping = false;
 
@@ -112,7 +113,7 @@ static void *run(void *data) {
     return NULL;
 }
 
-static void wake(struct post *post) {
+static void wake_thread(struct post *post) {
     eventfd_write(post->wake, 1);
 }
 
@@ -128,7 +129,7 @@ int post_start(struct post *post, struct outlet *outlet, struct secure *secure,
     if (post->wake < 0)
         return -errno;
     pthread_mutex_init(&post->lock, NULL);
-    int error = -pthread_create(&post->thread, NULL, run, post);
+    int error = -pthread_create(&post->thread, NULL, run_thread, post);
     post->running = !error;
     if (error)
         close(post->wake);
@@ -163,7 +164,7 @@ bool post_frame(struct post *post, int64_t written, const struct rtp_packet *pac
         send_due(post);
     }
     pthread_mutex_unlock(&post->lock);
-    wake(post);
+    wake_thread(post);
     return taken;
 }
 
@@ -198,7 +199,7 @@ void post_losses(struct post *post, double *loss, double *run) {
 }
 
 /* Whether frames wait that can still be sent. */
-static bool waits(struct post *post) {
+static bool has_open_frames(struct post *post) {
     pthread_mutex_lock(&post->lock);
     bool open = post->open > 0;
     pthread_mutex_unlock(&post->lock);
@@ -209,12 +210,12 @@ void post_stop(struct post *post) {
     if (!post->running)
         return;
     int64_t until = ddx_time_now() + post->tx.settings.interval;
-    while (waits(post) && ddx_time_now() < until)
-        nanosleep(&(struct timespec){.tv_nsec = NS / 1000}, NULL);
+    while (has_open_frames(post) && ddx_time_now() < until)
+        nanosleep(&(struct timespec){.tv_nsec = SECOND / 1000}, NULL);
     pthread_mutex_lock(&post->lock);
     post->stopping = true;
     pthread_mutex_unlock(&post->lock);
-    wake(post);
+    wake_thread(post);
     pthread_join(post->thread, NULL);
     post->running = false;
     post->outcome.lost += post->open;

@@ -9,6 +9,7 @@
 #include <string.h>
 #include <unistd.h>
 
+#include "ddx_time.h"
 #include "sdp.h"
 
 enum { LOST_STORE, LOST_ENCODE, LOST_NETWORK, LOST_RATE };
@@ -18,10 +19,9 @@ static const char *const names[SENDER_COUNTS] = {
     "wire_bytes",  "reports",   "reports_unused", "frame_bytes", "ts_packets",   "ts_lost",   "others",
     "others_lost", "wire_kbit", "repair_percent", "video_kbit",  "loss_percent", "run_tenths"};
 
-#define WAITING INT64_C(1000000000)      /* ns until the sender reports that it waits for the item */
-#define FRAME_INTERVAL INT64_C(40000000) /* ns, where the rate is not known */
-#define SECOND INT64_C(1000000000)
-#define READ_TIMEOUT 0.2 /* s; a signal does not end a wait, so waits are short */
+#define WAITING_NS INT64_C(1000000000)      /* ns until the sender reports that it waits for the item */
+#define FRAME_INTERVAL_NS INT64_C(40000000) /* ns, where the rate is not known */
+#define READ_SECONDS 0.2                    /* s; a signal does not end a wait, so waits are short */
 
 static void fail(struct sender *sender, const char *what, const char *why) {
     say("%s: %s", what, why);
@@ -196,7 +196,7 @@ static void tell_network(struct sender *sender, bool good) {
 }
 
 /* Counts the outcomes of frames that were handed over. */
-static void settle(struct sender *sender) {
+static void count_outcomes(struct sender *sender) {
     struct post_outcome outcome = post_collect(&sender->post);
 
     show_counts(sender);
@@ -214,7 +214,7 @@ static void settle(struct sender *sender) {
 /* ns from frame to frame */
 static int64_t interval_of(const struct ddxvideo_geometry *geometry) {
     return geometry->rate_num > 0 && geometry->rate_den > 0 ? SECOND * geometry->rate_den / geometry->rate_num
-                                                            : FRAME_INTERVAL;
+                                                            : FRAME_INTERVAL_NS;
 }
 
 static struct encoder_settings encoder_settings(const struct sender *sender) {
@@ -275,7 +275,7 @@ static void follow(struct sender *sender, const struct ddx_frame *frame) {
 
 /* Reports once, after a while, that the item does not exist. */
 static void tell_waiting(struct sender *sender) {
-    if (sender->said_waiting || encoder_is_open(&sender->encoder) || ddx_time_now() - sender->begin < WAITING)
+    if (sender->said_waiting || encoder_is_open(&sender->encoder) || ddx_time_now() - sender->begin < WAITING_NS)
         return;
     sender->said_waiting = true;
     program_say_awaited(sender->video, sender->name);
@@ -289,7 +289,7 @@ static void refuse_size(struct sender *sender, const struct ddxvideo_geometry *g
     sender->done = true;
 }
 
-static void handle(struct sender *sender, const struct ddx_frame *frame) {
+static void handle_frame(struct sender *sender, const struct ddx_frame *frame) {
     struct ddxvideo_picture view;
     struct encoded encoded;
     uint64_t missed = frame->missed;
@@ -346,17 +346,17 @@ static void take_frame(struct sender *sender, double timeout) {
     if (!sender->follows && (!error || error == -ETIMEDOUT))
         follow(sender, error ? NULL : &frame);
     if (!error) {
-        handle(sender, &frame);
+        handle_frame(sender, &frame);
         ddx_store_release(sender->video);
     } else if (error != -ETIMEDOUT) {
         fail(sender, sender->name, ddx_error_text(error));
     }
-    settle(sender);
+    count_outcomes(sender);
 }
 
 static void send_all(struct sender *sender) {
     while (!program_stopping() && !sender->done) {
-        take_frame(sender, sender->follows ? READ_TIMEOUT : 0);
+        take_frame(sender, sender->follows ? READ_SECONDS : 0);
         tell_waiting(sender);
         announce_tick(&sender->announce, &sender->post, ddx_time_now());
         program_tick(sender->book);
@@ -372,7 +372,7 @@ static void send_all(struct sender *sender) {
 static int start_post(struct sender *sender) {
     struct stream_tx_settings settings = {.wire = sender->wire * 1000,
                                           .video = sender->bitrate * 1000,
-                                          .interval = FRAME_INTERVAL,
+                                          .interval = FRAME_INTERVAL_NS,
                                           .repair = sender->repairs,
                                           .ratio = sender->ratio,
                                           .others = sender->ts.port ? TS_PART : 0,
@@ -424,7 +424,7 @@ int sender_run(struct sender *sender) {
         if (sender->video && !start_post(sender)) {
             send_all(sender);
             post_stop(&sender->post);
-            settle(sender);
+            count_outcomes(sender);
         }
         describe_end(sender);
     }
