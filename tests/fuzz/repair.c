@@ -62,13 +62,13 @@ static void deliver(const uint8_t *packet, size_t size, bool repair) {
 /* Takes and checks each restored packet. */
 static void take_all(void) {
     const uint8_t *packet;
-    uint8_t copy[RTP_PACKET_MAX], expected[RTP_PACKET_MAX];
+    uint8_t copy[RTP_DATAGRAM_MAX], expected[RTP_PACKET_MAX];
     size_t size;
     uint16_t sequence;
     struct rtp_packet rtp;
 
     while (restore_take(&receiver, &packet, &size, &sequence)) {
-        assert(size <= RTP_PACKET_MAX);
+        assert(size <= RTP_DATAGRAM_MAX);
         memcpy(copy, packet, size);
         assert(rtp_parse(copy, size, &rtp) && rtp.ssrc == SSRC && rtp.sequence == sequence);
         assert(!honest ||
@@ -148,6 +148,7 @@ int LLVMFuzzerTestOneInput(const uint8_t *data, size_t size) {
 
     next = 65526;
     honest = true;
+    restore_clear(&receiver);
     memset(&receiver, 0xa5, sizeof receiver); /* an input must always have the same effect */
     restore_init(&receiver, SSRC);
     repair_window_init(&window, SSRC, 0x2002, 1);

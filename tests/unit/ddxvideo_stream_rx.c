@@ -561,6 +561,30 @@ static void test_give_up(void) {
     end_pair(pair);
 }
 
+/* A repair packet about packets so new that the window cannot hold the packets that wait as well: first the gap before
+ * those is given up, and they go out. */
+static void test_repair_ahead(void) {
+    struct pair *pair = new_pair(65300, true);
+    pair->source.window = 127;
+    send_frame(pair, 1, 0);
+    send_frame(pair, 1, 1);
+    for (unsigned i = 0; i < 20; i++)
+        send_frame(pair, 12, 0);
+    CHECK_EQUAL(pair->came, 1);
+    send_frame(pair, 12, 0xfff);
+    send_frame(pair, 12, 0xfff);
+    CHECK_EQUAL(pair->came, 1);
+    send_repair(pair);
+    CHECK_EQUAL(pair->came, 21);
+    CHECK_EQUAL(pair->missing, 1);
+    CHECK_EQUAL(pair->incomplete, 0);
+    CHECK_EQUAL(count_of(&pair->rx, STREAM_RX_LOST), 1);
+    CHECK_EQUAL(count_of(&pair->rx, STREAM_RX_REPAIR_RECEIVED), 1);
+    CHECK_EQUAL(pair->rx.restore.rows, 1);
+    CHECK_EQUAL(wanted(pair), 23);
+    end_pair(pair);
+}
+
 /* A receiver that shows damaged frames at once, and a sender without repair: only the patience counts. */
 static void test_patience(void) {
     for (unsigned plain = 0; plain < 2; plain++) {
@@ -674,6 +698,7 @@ static void test_reports(void) {
         CHECK_EQUAL(stream_rx_report_deadline(&rx), kind ? INT64_MAX : now);
         size_t size = stream_rx_report(&rx, now, true, data);
         CHECK_EQUAL(size, kind ? 0 : REPORT_MAX);
+        stream_rx_free(&rx);
         if (kind)
             continue;
         CHECK(!report_parse(data, size, &report) && report.has_state && report.refresh);
@@ -681,7 +706,6 @@ static void test_reports(void) {
         CHECK(report.highest == 103 && report.base == 102 && report.missing == 1);
         CHECK_EQUAL(stream_rx_report(&rx, now, true, data), 0);
         CHECK(stream_rx_report_deadline(&rx) > now);
-        stream_rx_free(&rx);
     }
 }
 
@@ -699,6 +723,7 @@ int main(void) {
     test_restored();
     test_restored_end();
     test_give_up();
+    test_repair_ahead();
     test_patience();
     test_seeded_loss();
     test_repair_of_sources();

@@ -306,6 +306,7 @@ static void begin(const struct run *run, uint64_t seed) {
     for (unsigned i = 0; i < run->receivers; i++) {
         struct receiver *receiver = &receivers[i];
 
+        restore_clear(&receiver->restore);
         memset(receiver, 0, sizeof *receiver);
         restore_init(&receiver->restore, SSRC);
         reporter_init(&receiver->reporter, 100 + i, SSRC, HEADER, now);

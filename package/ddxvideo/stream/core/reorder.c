@@ -3,33 +3,6 @@
 
 #include <string.h>
 
-#if defined(__has_feature)
-#if __has_feature(address_sanitizer)
-#define __SANITIZE_ADDRESS__ 1 /* like gcc */
-#endif
-#endif
-#ifdef __SANITIZE_ADDRESS__
-#include <sanitizer/asan_interface.h>
-#else
-#define ASAN_POISON_MEMORY_REGION(address, size) ((void)(address), (void)(size))
-#define ASAN_UNPOISON_MEMORY_REGION(address, size) ((void)(address), (void)(size))
-#endif
-
-void slot_fill(struct reorder_slot *slot, const uint8_t *data, size_t size, int64_t now) {
-    ASAN_UNPOISON_MEMORY_REGION(slot->data, sizeof slot->data);
-    slot->used = true;
-    slot->arrival = now;
-    slot->size = size;
-    if (data != slot->data)
-        memcpy(slot->data, data, size);
-    ASAN_POISON_MEMORY_REGION(slot->data + size, sizeof slot->data - size);
-}
-
-void slot_clear(struct reorder_slot *slots, unsigned count) {
-    for (unsigned i = 0; i < count; i++)
-        ASAN_UNPOISON_MEMORY_REGION(slots[i].data, sizeof slots[i].data);
-}
-
 static struct reorder_slot *slot_of(struct reorder *reorder, uint16_t sequence) {
     return &reorder->slot[sequence % REORDER_PACKETS];
 }
@@ -60,13 +33,12 @@ static void begin_at(struct reorder *reorder, uint16_t sequence) {
     reorder->begun = true;
 }
 
-enum reorder_result reorder_put(struct reorder *reorder, uint16_t sequence, const uint8_t *data, size_t size,
-                                int64_t now) {
+enum reorder_result reorder_put(struct reorder *reorder, uint16_t sequence, int64_t now) {
     if (!reorder->begun)
         begin_at(reorder, sequence);
     int distance = (int16_t)(sequence - reorder->next);
     bool far = distance < -REORDER_MEMORY || distance > REORDER_JUMP;
-    if (size > RTP_DATAGRAM_MAX || (far && !rtp_is_confirmed(&reorder->stranger, sequence)))
+    if (far && !rtp_is_confirmed(&reorder->stranger, sequence))
         return REORDER_LATE;
     if ((far || distance >= REORDER_PACKETS) && reorder->waiting) {
         if (far)
@@ -91,7 +63,7 @@ enum reorder_result reorder_put(struct reorder *reorder, uint16_t sequence, cons
 
         overtaken = (uint16_t)(later - reorder->next) < REORDER_PACKETS && slot_of(reorder, later)->used;
     }
-    slot_fill(slot, data, size, now);
+    *slot = (struct reorder_slot){true, now};
     reorder->waiting++;
     return overtaken ? REORDER_OUT_OF_TURN : REORDER_TAKEN;
 }
@@ -124,4 +96,10 @@ void reorder_take(struct reorder *reorder) {
     reorder->waiting--;
     step_to_next(reorder, true);
     reorder->lost_before = 0;
+}
+
+void reorder_lose(struct reorder *reorder) {
+    slot_of(reorder, reorder->next)->used = false;
+    reorder->waiting--;
+    step_to_next(reorder, false);
 }

@@ -1,8 +1,8 @@
 /* SPDX-License-Identifier: GPL-2.0-or-later */
 /*
- * Puts packets of one source in order. Packets that come in order do not wait; after a gap they wait until the missing
- * packet comes, or until the caller gives it up. There are places for REORDER_PACKETS numbers, from the one that is due
- * on.
+ * Puts the numbers of one source's packets in order; restore.h has the packets. Packets that come in order do not wait;
+ * after a gap they wait until the missing packet comes, or until the caller gives it up. There are places for
+ * REORDER_PACKETS numbers, from the one that is due on.
  */
 #ifndef DDXVIDEO_REORDER_H
 #define DDXVIDEO_REORDER_H
@@ -16,15 +16,7 @@
 struct reorder_slot {
     bool used;
     int64_t arrival;
-    size_t size;
-    uint8_t data[RTP_DATAGRAM_MAX];
 };
-
-/* Keep a datagram. With AddressSanitizer the rest of the slot must not be read. */
-void slot_fill(struct reorder_slot *slot, const uint8_t *data, size_t size, int64_t now);
-
-/* Call before the slots' memory is used for something else. */
-void slot_clear(struct reorder_slot *slots, unsigned count);
 
 struct reorder {
     bool begun;
@@ -33,7 +25,7 @@ struct reorder {
     struct rtp_stranger stranger;
     unsigned waiting;
     uint8_t seen[REORDER_MEMORY / 8];          /* of the numbers before `next`: whether they came */
-    struct reorder_slot slot[REORDER_PACKETS]; /* by sequence number; last, since it is large */
+    struct reorder_slot slot[REORDER_PACKETS]; /* by sequence number */
 };
 
 enum reorder_result {
@@ -46,12 +38,14 @@ enum reorder_result {
 
 void reorder_init(struct reorder *reorder);
 
-enum reorder_result reorder_put(struct reorder *reorder, uint16_t sequence, const uint8_t *data, size_t size,
-                                int64_t now);
+enum reorder_result reorder_put(struct reorder *reorder, uint16_t sequence, int64_t now);
 
 /* The packet that is due, or NULL; valid until reorder_take(). *lost: packets before it that were given up. */
 const struct reorder_slot *reorder_peek(const struct reorder *reorder, unsigned *lost);
 void reorder_take(struct reorder *reorder);
+
+/* The packet that is due was there, but is not any more. */
+void reorder_lose(struct reorder *reorder);
 
 /* Give up the packet that is due, and missing. False if it has come, or if no other packet waits. */
 bool reorder_give_up(struct reorder *reorder);

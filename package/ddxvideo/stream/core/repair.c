@@ -9,34 +9,33 @@
 
 /* ---- Symbols ---- */
 
-void symbol_set(struct symbol *symbol, const uint8_t *packet, size_t size) {
-    symbol->size = (uint16_t)(SYMBOL_PREFIX + size);
-    symbol->data[0] = 0;
-    put16(symbol->data + 1, (uint16_t)size);
-    memcpy(symbol->data + SYMBOL_PREFIX, packet, size);
+uint16_t symbol_set(uint8_t *symbol, const uint8_t *packet, size_t size) {
+    symbol[0] = 0;
+    put16(symbol + 1, (uint16_t)size);
+    memcpy(symbol + SYMBOL_PREFIX, packet, size);
+    return (uint16_t)(SYMBOL_PREFIX + size);
 }
 
-bool symbol_is(const struct symbol *symbol, const uint8_t *packet, size_t size) {
+bool symbol_is(const uint8_t *symbol, size_t bytes, const uint8_t *packet, size_t size) {
     const uint8_t *data;
-    size_t bytes;
+    size_t length;
 
-    return symbol_get(symbol, &data, &bytes) && bytes == size && !memcmp(data, packet, size);
+    return symbol_get(symbol, bytes, &data, &length) && length == size && !memcmp(data, packet, size);
 }
 
-void symbol_add(struct symbol *to, const struct symbol *from, uint8_t factor) {
-    if (from->size > to->size) {
-        memset(to->data + to->size, 0, from->size - to->size);
-        to->size = from->size;
-    }
-    gf256_add(to->data, from->data, factor, from->size);
+uint16_t symbol_add(uint8_t *to, uint16_t bytes, const uint8_t *from, uint16_t from_bytes, uint8_t factor) {
+    if (from_bytes > bytes)
+        memset(to + bytes, 0, from_bytes - bytes);
+    gf256_add(to, from, factor, from_bytes);
+    return from_bytes > bytes ? from_bytes : bytes;
 }
 
-bool symbol_get(const struct symbol *symbol, const uint8_t **packet, size_t *size) {
-    if (symbol->size < SYMBOL_PREFIX || symbol->data[0])
+bool symbol_get(const uint8_t *symbol, size_t bytes, const uint8_t **packet, size_t *size) {
+    if (bytes < SYMBOL_PREFIX || symbol[0])
         return false;
-    size_t room = symbol->size - SYMBOL_PREFIX;
-    *packet = symbol->data + SYMBOL_PREFIX;
-    *size = get16(symbol->data + 1);
+    size_t room = bytes - SYMBOL_PREFIX;
+    *packet = symbol + SYMBOL_PREFIX;
+    *size = get16(symbol + 1);
     return *size <= room && gf256_is_zero(*packet + *size, room - *size);
 }
 
@@ -92,7 +91,7 @@ int repair_window_add(struct repair_window *window, uint32_t esi, uint16_t frame
     if (size < FIXED || size > RTP_PACKET_MAX)
         return -EMSGSIZE;
     slot->frame = frame;
-    symbol_set(&slot->symbol, packet, size);
+    slot->symbol.size = symbol_set(slot->symbol.data, packet, size);
     repair_window_advance(window, esi);
     return 0;
 }
@@ -103,8 +102,11 @@ static size_t put_symbol(const struct repair_window *window, unsigned count, uin
     struct symbol sum = {.size = 0};
 
     repair_coefficients(window->sequence, factor, count);
-    for (unsigned i = 0; i < count; i++)
-        symbol_add(&sum, &repair_sent(window, count - 1 - i)->symbol, factor[i]);
+    for (unsigned i = 0; i < count; i++) {
+        const struct symbol *source = &repair_sent(window, count - 1 - i)->symbol;
+
+        sum.size = symbol_add(sum.data, sum.size, source->data, source->size, factor[i]);
+    }
     memcpy(to, sum.data, sum.size);
     return sum.size;
 }

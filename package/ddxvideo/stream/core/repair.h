@@ -39,20 +39,20 @@ struct symbol {
     uint8_t data[SYMBOL_MAX];
 };
 
-/* The source symbol of a packet of at most RTP_PACKET_MAX bytes. */
-void symbol_set(struct symbol *symbol, const uint8_t *packet, size_t size);
+/* Write the source symbol of a packet. Returns its size. */
+uint16_t symbol_set(uint8_t *symbol, const uint8_t *packet, size_t size);
 
 /* Whether this is the source symbol of this packet; zeros may follow. */
-bool symbol_is(const struct symbol *symbol, const uint8_t *packet, size_t size);
+bool symbol_is(const uint8_t *symbol, size_t bytes, const uint8_t *packet, size_t size);
 
-/* to += factor * from */
-void symbol_add(struct symbol *to, const struct symbol *from, uint8_t factor);
+/* to += factor * from; returns the size of the sum, for which `to` has room. */
+uint16_t symbol_add(uint8_t *to, uint16_t bytes, const uint8_t *from, uint16_t from_bytes, uint8_t factor);
 
 /*
  * The packet of a source symbol, which zeros may follow; false if it is not one. Only the packet's size is checked: it
  * fits in the symbol.
  */
-bool symbol_get(const struct symbol *symbol, const uint8_t **packet, size_t *size);
+bool symbol_get(const uint8_t *symbol, size_t bytes, const uint8_t **packet, size_t *size);
 
 #define REPAIR_TYPE 98                          /* RTP payload type */
 #define REPAIR_FRAMES 25                        /* most frames that a repair packet covers */

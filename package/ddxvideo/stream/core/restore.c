@@ -16,6 +16,32 @@
 
 #include "gf256.h"
 
+#if defined(__has_feature)
+#if __has_feature(address_sanitizer)
+#define __SANITIZE_ADDRESS__ 1 /* like gcc */
+#endif
+#endif
+#ifdef __SANITIZE_ADDRESS__
+#include <sanitizer/asan_interface.h>
+#else
+#define ASAN_POISON_MEMORY_REGION(address, size) ((void)(address), (void)(size))
+#define ASAN_UNPOISON_MEMORY_REGION(address, size) ((void)(address), (void)(size))
+#endif
+
+void datagram_keep(struct kept_datagram *datagram, const uint8_t *data, size_t size, int64_t now) {
+    ASAN_UNPOISON_MEMORY_REGION(datagram->data, sizeof datagram->data);
+    datagram->used = true;
+    datagram->arrival = now;
+    datagram->size = size;
+    memcpy(datagram->data, data, size);
+    ASAN_POISON_MEMORY_REGION(datagram->data + size, sizeof datagram->data - size);
+}
+
+void datagram_clear(struct kept_datagram *datagrams, unsigned count) {
+    for (unsigned i = 0; i < count; i++)
+        ASAN_UNPOISON_MEMORY_REGION(datagrams[i].data, sizeof datagrams[i].data);
+}
+
 static unsigned slot_of(uint16_t sequence) {
     return sequence % REPAIR_PACKETS;
 }
@@ -29,8 +55,30 @@ static bool is_known(const struct restore *restore, unsigned slot) {
     return restore->state[slot] >= RESTORE_CAME;
 }
 
+/* The slot has a packet, and nothing after it. */
+static void seal(struct restore_slot *slot, size_t size) {
+    slot->size = (uint16_t)(SYMBOL_PREFIX + size);
+    ASAN_POISON_MEMORY_REGION(slot->data + slot->size, sizeof slot->data - slot->size);
+}
+
+/* The slot may get other contents. */
+static void unseal(struct restore_slot *slot) {
+    ASAN_UNPOISON_MEMORY_REGION(slot->data, sizeof slot->data);
+}
+
+static void set_packet(struct restore_slot *slot, const uint8_t *packet, size_t size) {
+    unseal(slot);
+    symbol_set(slot->data, packet, size);
+    seal(slot, size);
+}
+
+/* to += factor * from, without the factors. */
+static void add_symbol(struct restore_slot *to, const struct restore_slot *from, uint8_t factor) {
+    to->size = symbol_add(to->data, to->size, from->data, from->size, factor);
+}
+
 static void add_row(struct restore_slot *to, const struct restore_slot *from, uint8_t factor) {
-    symbol_add(&to->symbol, &from->symbol, factor);
+    add_symbol(to, from, factor);
     gf256_add(to->factor, from->factor, factor, REPAIR_PACKETS);
 }
 
@@ -49,16 +97,16 @@ static void drop_rows(struct restore *restore, enum restore_count why) {
         drop_row(restore, slot, why);
 }
 
-/* Whether a symbol is the media packet of this number. If so, cuts off the bytes after it. */
-static bool is_packet(const struct restore *restore, struct symbol *symbol, uint16_t sequence) {
+/* Whether a slot has the media packet of this number. If so, cuts off the bytes after it. */
+static bool is_packet(const struct restore *restore, struct restore_slot *slot, uint16_t sequence) {
     const uint8_t *data;
     struct rtp_packet packet;
     size_t size;
 
-    if (!symbol_get(symbol, &data, &size) || !rtp_parse(data, size, &packet) || packet.ssrc != restore->ssrc ||
-        packet.sequence != sequence)
+    if (!symbol_get(slot->data, slot->size, &data, &size) || !rtp_parse(data, size, &packet) ||
+        packet.ssrc != restore->ssrc || packet.sequence != sequence)
         return false;
-    symbol->size = (uint16_t)(SYMBOL_PREFIX + size);
+    seal(slot, size);
     return true;
 }
 
@@ -73,7 +121,7 @@ static void settle_rows(struct restore *restore) {
 
         if (restore->state[slot] != RESTORE_ROW || !is_solved(&restore->slot[slot], slot))
             continue;
-        if (!is_packet(restore, &restore->slot[slot].symbol, sequence)) {
+        if (!is_packet(restore, &restore->slot[slot], sequence)) {
             drop_rows(restore, RESTORE_CORRUPT);
             break;
         }
@@ -93,7 +141,7 @@ static void reduce_row(struct restore *restore) {
         if (factor && restore->state[slot] == RESTORE_ROW) {
             add_row(row, &restore->slot[slot], factor);
         } else if (factor && is_known(restore, slot)) {
-            symbol_add(&row->symbol, &restore->slot[slot].symbol, factor);
+            add_symbol(row, &restore->slot[slot], factor);
             row->factor[slot] = 0;
         }
     }
@@ -105,7 +153,7 @@ static bool insert_row(struct restore *restore) {
     uint16_t sequence = oldest(restore);
 
     if (gf256_is_zero(row->factor, REPAIR_PACKETS)) {
-        bool fits = gf256_is_zero(row->symbol.data, row->symbol.size);
+        bool fits = gf256_is_zero(row->data, row->size);
 
         restore->count[fits ? RESTORE_USELESS : RESTORE_CORRUPT]++;
         if (!fits)
@@ -116,11 +164,12 @@ static bool insert_row(struct restore *restore) {
         sequence++;
     unsigned pivot = slot_of(sequence);
     uint8_t inverse = gf256_inverse(row->factor[pivot]);
-    gf256_scale(row->symbol.data, inverse, row->symbol.size);
+    gf256_scale(row->data, inverse, row->size);
     gf256_scale(row->factor, inverse, REPAIR_PACKETS);
     for (unsigned slot = 0; slot < REPAIR_PACKETS; slot++)
         if (restore->state[slot] == RESTORE_ROW && restore->slot[slot].factor[pivot])
             add_row(&restore->slot[slot], row, restore->slot[slot].factor[pivot]);
+    unseal(&restore->slot[pivot]);
     restore->slot[pivot] = *row;
     restore->state[pivot] = RESTORE_ROW;
     restore->rows++;
@@ -139,6 +188,11 @@ void restore_init(struct restore *restore, uint32_t media_ssrc) {
     memset(restore, 0, offsetof(struct restore, slot));
     restore->ssrc = media_ssrc;
     restore->newest = (uint16_t)(restore->floor - 1);
+}
+
+void restore_clear(struct restore *restore) {
+    for (unsigned slot = 0; slot < REPAIR_PACKETS; slot++)
+        unseal(&restore->slot[slot]);
 }
 
 /* Notes that packets up to `sequence`, which is after the newest one so far, were sent. */
@@ -206,12 +260,10 @@ static bool make_room(struct restore *restore, uint16_t sequence) {
 
 /* For a packet that arrives after it was restored: if they differ, the restored one was forged. */
 static void compare_restored(struct restore *restore, unsigned slot, const uint8_t *packet, size_t size) {
-    struct symbol *symbol = &restore->slot[slot].symbol;
-
-    if (!symbol_is(symbol, packet, size)) {
+    if (!symbol_is(restore->slot[slot].data, restore->slot[slot].size, packet, size)) {
         restore->wrong++;
         drop_rows(restore, RESTORE_CORRUPT);
-        symbol_set(symbol, packet, size);
+        set_packet(&restore->slot[slot], packet, size);
     }
     restore->ready -= restore->state[slot] == RESTORE_READY;
     restore->state[slot] = RESTORE_CAME;
@@ -222,23 +274,21 @@ static void replace_row(struct restore *restore, unsigned slot, const uint8_t *p
     restore->row = restore->slot[slot];
     restore->rows--;
     restore->state[slot] = RESTORE_CAME;
-    symbol_set(&restore->slot[slot].symbol, packet, size);
+    set_packet(&restore->slot[slot], packet, size);
     reduce_row(restore);
     insert_row(restore);
 }
 
 /* For a missing packet that came and had no row: takes it out of all rows. */
 static void learn_packet(struct restore *restore, unsigned slot, const uint8_t *packet, size_t size) {
-    struct symbol *symbol = &restore->slot[slot].symbol;
-
     restore->state[slot] = RESTORE_CAME;
-    symbol_set(symbol, packet, size);
+    set_packet(&restore->slot[slot], packet, size);
     for (unsigned other = 0; other < REPAIR_PACKETS; other++) {
         struct restore_slot *row = &restore->slot[other];
 
         if (restore->state[other] != RESTORE_ROW || !row->factor[slot])
             continue;
-        symbol_add(&row->symbol, symbol, row->factor[slot]);
+        add_symbol(row, &restore->slot[slot], row->factor[slot]);
         row->factor[slot] = 0;
     }
     settle_rows(restore);
@@ -247,7 +297,7 @@ static void learn_packet(struct restore *restore, unsigned slot, const uint8_t *
 int restore_source(struct restore *restore, const uint8_t *packet, size_t size) {
     struct rtp_packet rtp;
 
-    if (size > RTP_PACKET_MAX || !rtp_parse(packet, size, &rtp) || rtp.ssrc != restore->ssrc)
+    if (size > RTP_DATAGRAM_MAX || !rtp_parse(packet, size, &rtp) || rtp.ssrc != restore->ssrc)
         return -EBADMSG;
     if (!make_room(restore, rtp.sequence))
         return -ERANGE;
@@ -284,7 +334,7 @@ static enum restore_count judge_repair(const struct restore *restore, const stru
 
         if (rtp_after(sequence, restore->newest) || !is_known(restore, slot))
             *(rtp_after(restore->floor, sequence) ? &given_up : &missing) += 1;
-        else if (restore->slot[slot].symbol.size > packet->size)
+        else if (restore->slot[slot].size > packet->size)
             return RESTORE_REFUSED; /* the sum is shorter than one of its parts */
     }
     return given_up ? RESTORE_EXPIRED : missing ? RESTORE_RECEIVED : RESTORE_USELESS;
@@ -297,8 +347,8 @@ static void begin_row(struct restore_slot *row, const struct repair_packet *pack
     memset(row->factor, 0, sizeof row->factor);
     for (unsigned i = 0; i < packet->count; i++)
         row->factor[slot_of((uint16_t)(packet->first + i))] = factor[i];
-    row->symbol.size = (uint16_t)packet->size;
-    memcpy(row->symbol.data, packet->symbol, packet->size);
+    row->size = (uint16_t)packet->size;
+    memcpy(row->data, packet->symbol, packet->size);
 }
 
 int restore_repair(struct restore *restore, const uint8_t *data, size_t size) {
@@ -322,14 +372,31 @@ int restore_repair(struct restore *restore, const uint8_t *data, size_t size) {
     return insert_row(restore) ? 0 : -EALREADY;
 }
 
+bool restore_packet(const struct restore *restore, uint16_t sequence, const uint8_t **packet, size_t *size) {
+    const struct restore_slot *slot = &restore->slot[slot_of(sequence)];
+    unsigned state = restore->state[slot_of(sequence)];
+
+    *packet = slot->data + SYMBOL_PREFIX;
+    *size = slot->size - SYMBOL_PREFIX;
+    return (uint16_t)(restore->newest - sequence) < REPAIR_PACKETS && (state == RESTORE_CAME || state == RESTORE_TAKEN);
+}
+
+bool restore_passes(const struct restore *restore, const uint8_t *data, size_t size, uint16_t sequence) {
+    struct repair_packet packet;
+
+    return repair_parse(data, size, &packet) && packet.media_ssrc == restore->ssrc &&
+           judge_repair(restore, &packet) == RESTORE_RECEIVED &&
+           (int16_t)((uint16_t)(packet.first + packet.count - 1) - sequence) >= REPAIR_PACKETS;
+}
+
 bool restore_take(struct restore *restore, const uint8_t **packet, size_t *size, uint16_t *sequence) {
     if (!restore->ready)
         return false;
     *sequence = oldest(restore);
     while (restore->state[slot_of(*sequence)] != RESTORE_READY)
         ++*sequence;
-    symbol_get(&restore->slot[slot_of(*sequence)].symbol, packet, size);
     restore->state[slot_of(*sequence)] = RESTORE_TAKEN;
+    restore_packet(restore, *sequence, packet, size);
     restore->ready--;
     return true;
 }

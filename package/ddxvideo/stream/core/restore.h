@@ -41,11 +41,29 @@ enum restore_state {
     RESTORE_TAKEN
 };
 
-/* A media packet that came or was restored, or an equation. */
+#define RESTORE_ROOM (SYMBOL_PREFIX + RTP_DATAGRAM_MAX)
+
+/* A media packet that came or was restored, or an equation. With AddressSanitizer, bytes after a packet must not be
+ * read. */
 struct restore_slot {
-    struct symbol symbol;           /* the source symbol; the sum */
+    uint16_t size;                  /* bytes of: */
+    uint8_t data[RESTORE_ROOM];     /* the source symbol; the sum */
     uint8_t factor[REPAIR_PACKETS]; /* only of an equation: of each packet, by sequence number */
 };
+
+/* A datagram that is kept. */
+struct kept_datagram {
+    bool used;
+    int64_t arrival;
+    size_t size;
+    uint8_t data[RTP_DATAGRAM_MAX];
+};
+
+/* Keep a datagram. With AddressSanitizer, bytes after it must not be read. */
+void datagram_keep(struct kept_datagram *datagram, const uint8_t *data, size_t size, int64_t now);
+
+/* Call before the memory of datagrams is used for something else. */
+void datagram_clear(struct kept_datagram *datagrams, unsigned count);
 
 struct restore {
     uint32_t ssrc;
@@ -66,10 +84,13 @@ struct restore {
 
 void restore_init(struct restore *restore, uint32_t media_ssrc);
 
+/* Call before its memory is used for something else. */
+void restore_clear(struct restore *restore);
+
 /*
  * Add a media packet, a whole RTP packet. The first one begins the stream: packets before it are not needed. 0;
  * -EALREADY if it came or was restored before; -ERANGE if it is too old, or a single packet from far away; -EBADMSG if
- * it is not an RTP packet of this SSRC, or longer than RTP_PACKET_MAX. Packets that are REPAIR_PACKETS or more before
+ * it is not an RTP packet of this SSRC, or longer than RTP_DATAGRAM_MAX. Packets that are REPAIR_PACKETS or more before
  * the newest one are given up.
  */
 int restore_source(struct restore *restore, const uint8_t *packet, size_t size);
@@ -83,10 +104,19 @@ int restore_repair(struct restore *restore, const uint8_t *packet, size_t size);
 /*
  * The next restored packet, the oldest first, each one once; false if there is none. Call it after each packet that
  * came, until it returns false: a packet that leaves the window before is lost. *packet is valid until the next call of
- * another function here. It is an RTP packet of this SSRC with this sequence number, RTP_PACKET_MAX bytes at most; its
- * payload is as credible as the repair packets.
+ * another function here. It is an RTP packet of this SSRC with this sequence number, RTP_DATAGRAM_MAX bytes at most;
+ * its payload is as credible as the repair packets.
  */
 bool restore_take(struct restore *restore, const uint8_t **packet, size_t *size, uint16_t *sequence);
+
+/*
+ * A packet that came, or was restored and taken, and is one of the last REPAIR_PACKETS; false if it is not there. Valid
+ * until the next call of another function here.
+ */
+bool restore_packet(const struct restore *restore, uint16_t sequence, const uint8_t **packet, size_t *size);
+
+/* Whether restore_repair() would let packets from `sequence` on leave, with this repair packet. */
+bool restore_passes(const struct restore *restore, const uint8_t *packet, size_t size, uint16_t sequence);
 
 /*
  * The number of further repair packets that are needed to restore all missing packets from *base, the oldest missing

@@ -13,9 +13,10 @@ void stream_rx_init(struct stream_rx *rx, const struct stream_rx_settings *setti
 
 void stream_rx_free(struct stream_rx *rx) {
     assembly_free(&rx->assembly);
-    slot_clear(rx->reorder.slot, REORDER_PACKETS);
-    slot_clear(rx->queue, STREAM_RX_QUEUE);
-    slot_clear(&rx->held, 1);
+    restore_clear(&rx->restore);
+    datagram_clear(rx->queue, STREAM_RX_QUEUE);
+    datagram_clear(&rx->held, 1);
+    datagram_clear(&rx->held_repair, 1);
 }
 
 /* ---- Repair packets ---- */
@@ -41,10 +42,19 @@ static void begin_repair(struct stream_rx *rx) {
     count_repair(rx);
 }
 
-bool stream_rx_put_repair(struct stream_rx *rx, const uint8_t *data, size_t size, int64_t now) {
-    int error = restore_repair(&rx->restore, data, size);
-    struct repair_packet packet;
+/* A repair packet about packets so new that some that wait would leave the window: those go out first. */
+static bool must_wait(const struct stream_rx *rx, const uint8_t *data, size_t size) {
+    return rx->reorder.waiting && restore_passes(&rx->restore, data, size, rx->reorder.next);
+}
 
+bool stream_rx_put_repair(struct stream_rx *rx, const uint8_t *data, size_t size, int64_t now) {
+    struct repair_packet packet;
+    int error = 0;
+
+    if (must_wait(rx, data, size))
+        datagram_keep(&rx->held_repair, data, size, now);
+    else
+        error = restore_repair(&rx->restore, data, size);
     count_repair(rx);
     if (error == -EBADMSG || !rx->followed)
         return false;
@@ -101,14 +111,14 @@ static void hear_other(struct stream_rx *rx, const struct rtp_packet *packet, co
     rx->other_sequence = packet->sequence;
     rx->other_heard = now;
     if (rx->queued < STREAM_RX_QUEUE)
-        slot_fill(&rx->queue[rx->queued++], data, size, now);
+        datagram_keep(&rx->queue[rx->queued++], data, size, now);
     rx->switching = rx->in_sequence && (!rx->confirmed || now - rx->heard >= STREAM_RX_SILENCE);
 }
 
 static bool put_packet(struct stream_rx *rx, const struct rtp_packet *packet, const uint8_t *data, size_t size,
                        int64_t now, bool restored) {
     uint16_t due = rx->reorder.next;
-    enum reorder_result result = reorder_put(&rx->reorder, packet->sequence, data, size, now);
+    enum reorder_result result = reorder_put(&rx->reorder, packet->sequence, now);
     bool taken = result == REORDER_TAKEN || result == REORDER_OUT_OF_TURN;
 
     switch (result) {
@@ -116,10 +126,7 @@ static bool put_packet(struct stream_rx *rx, const struct rtp_packet *packet, co
     case REORDER_OUT_OF_TURN: rx->count[STREAM_RX_REORDERED] += !restored; break;
     case REORDER_DUPLICATE: rx->count[STREAM_RX_DUPLICATE]++; break;
     case REORDER_LATE: rx->count[STREAM_RX_LATE]++; break;
-    case REORDER_FULL:
-        slot_fill(&rx->held, data, size, now);
-        rx->held_restored = restored;
-        return true;
+    case REORDER_FULL: datagram_keep(&rx->held, data, size, now); return true;
     }
     if (result == REORDER_TAKEN && packet->has_count) {
         rx->newest = packet->frame.count;
@@ -170,12 +177,12 @@ bool stream_rx_put(struct stream_rx *rx, const uint8_t *data, size_t size, int64
     return put_packet(rx, &packet, data, size, now, false) && note_for_report(rx, &packet, now);
 }
 
-static void put_slot(struct stream_rx *rx, struct reorder_slot *slot, bool restored) {
+static void put_kept(struct stream_rx *rx, struct kept_datagram *datagram) {
     struct rtp_packet packet;
 
-    slot->used = false;
-    rtp_parse(slot->data, slot->size, &packet);
-    put_packet(rx, &packet, slot->data, slot->size, slot->arrival, restored);
+    datagram->used = false;
+    rtp_parse(datagram->data, datagram->size, &packet);
+    put_packet(rx, &packet, datagram->data, datagram->size, datagram->arrival, false);
 }
 
 /* Puts a restored packet into its place; its content is as credible as the repair packets. */
@@ -210,12 +217,18 @@ static bool put_waiting(struct stream_rx *rx, int64_t now) {
     uint16_t sequence;
 
     if (rx->held.used) {
-        put_slot(rx, &rx->held, rx->held_restored);
+        put_kept(rx, &rx->held);
         return !rx->held.used;
     }
-    if (!restore_take(&rx->restore, &data, &size, &sequence))
+    if (restore_take(&rx->restore, &data, &size, &sequence)) {
+        put_restored(rx, data, size, now);
+        return true;
+    }
+    if (!rx->held_repair.used || must_wait(rx, rx->held_repair.data, rx->held_repair.size))
         return false;
-    put_restored(rx, data, size, now);
+    rx->held_repair.used = false;
+    restore_repair(&rx->restore, rx->held_repair.data, rx->held_repair.size);
+    count_repair(rx);
     return true;
 }
 
@@ -224,7 +237,7 @@ static bool put_next(struct stream_rx *rx) {
     if (rx->switching)
         switch_over(rx);
     else if (rx->replaying && rx->taken < rx->queued)
-        put_slot(rx, &rx->queue[rx->taken++], false);
+        put_kept(rx, &rx->queue[rx->taken++]);
     else if (rx->replaying) {
         rx->replaying = false;
         rx->queued = 0;
@@ -247,8 +260,8 @@ static bool is_out_of_window(const struct stream_rx *rx) {
 
 /* Gives up the packet that is due if it can no longer arrive in time. */
 static bool give_up_due(struct stream_rx *rx, int64_t now) {
-    bool hopeless =
-        rx->held.used || rx->switching || now >= stream_rx_deadline(rx) || (is_repairing(rx) && is_out_of_window(rx));
+    bool hopeless = rx->held.used || rx->held_repair.used || rx->switching || now >= stream_rx_deadline(rx) ||
+                    (is_repairing(rx) && is_out_of_window(rx));
 
     if (!hopeless || !reorder_give_up(&rx->reorder))
         return false;
@@ -267,14 +280,19 @@ int64_t stream_rx_deadline(const struct stream_rx *rx) {
 /* ---- Frames ---- */
 
 /* Takes the packet that is due. Whether it completes a frame: its own, or the previous one, if it begins the next. */
-static bool take_packet(struct stream_rx *rx, const struct reorder_slot *slot, unsigned lost,
-                        struct assembly_frame *frame) {
+static bool take_packet(struct stream_rx *rx, int64_t arrival, unsigned lost, struct assembly_frame *frame) {
     struct rtp_packet packet;
+    const uint8_t *data;
+    size_t size;
 
-    rtp_parse(slot->data, slot->size, &packet);
+    if (!restore_packet(&rx->restore, rx->reorder.next, &data, &size) || !rtp_parse(data, size, &packet)) {
+        rx->count[STREAM_RX_GARBAGE]++; /* it was restored from repair packets that turned out to be forged */
+        reorder_lose(&rx->reorder);
+        return false;
+    }
     if (assembly_is_next(&rx->assembly, &packet))
         return assembly_close(&rx->assembly, true, frame);
-    bool good = assembly_add(&rx->assembly, &packet, lost, slot->arrival);
+    bool good = assembly_add(&rx->assembly, &packet, lost, arrival);
     rx->count[good ? STREAM_RX_USED : STREAM_RX_GARBAGE]++;
     rx->count[STREAM_RX_LOST] += lost;
     reorder_take(&rx->reorder);
@@ -287,7 +305,7 @@ bool stream_rx_take(struct stream_rx *rx, int64_t now, struct assembly_frame *fr
         const struct reorder_slot *slot = reorder_peek(&rx->reorder, &lost);
 
         if (slot) {
-            if (take_packet(rx, slot, lost, frame))
+            if (take_packet(rx, slot->arrival, lost, frame))
                 return true;
         } else if (!put_waiting(rx, now) && !give_up_due(rx, now)) {
             if (rx->switching && assembly_close(&rx->assembly, true, frame))

@@ -81,16 +81,15 @@ struct stream_rx {
     int64_t other_heard;
     unsigned queued, taken;
     bool replaying; /* after the switch: its packets are taken one by one */
-    /* a datagram that waits until the earlier packets are taken out */
-    struct reorder_slot held;
-    bool held_restored; /* it was restored */
-    bool switching;     /* the same, and then the other source is followed */
+    /* a datagram of each port that waits until the earlier packets are taken out */
+    struct kept_datagram held, held_repair;
+    bool switching; /* the same, and then the other source is followed */
     struct assembly assembly;
     uint64_t repaired[RESTORE_COUNTS], wrong; /* counts of `restore` for former sources */
     /* last, since they are large: packets of the source that is followed, and of the other one */
     struct restore restore;
     struct reorder reorder;
-    struct reorder_slot queue[STREAM_RX_QUEUE];
+    struct kept_datagram queue[STREAM_RX_QUEUE];
 };
 
 void stream_rx_init(struct stream_rx *rx, const struct stream_rx_settings *settings);

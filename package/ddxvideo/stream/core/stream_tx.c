@@ -32,7 +32,7 @@ static bool enqueue_packet(struct stream_tx *tx, int64_t now, uint16_t frame, co
     struct repair_slot *slot = repair_waiting(&tx->window, tx->waiting++);
     slot->frame = frame;
     slot->written = now;
-    symbol_set(&slot->symbol, packet->data, packet->size);
+    slot->symbol.size = symbol_set(slot->symbol.data, packet->data, packet->size);
     return true;
 }
 
