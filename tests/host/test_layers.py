@@ -179,6 +179,17 @@ def test_a_circle_is_found(tmp_path: pathlib.Path) -> None:
     assert circles(tmp_path) == []
 
 
+# The core of the stream works on bytes and times that its callers pass.
+OUTSIDE = r"sys/socket|netinet|poll\.h|pthread|ddx_time_now|clock_gettime|<time\.h>|<unistd\.h>"
+
+
+def test_the_core_of_the_stream_has_no_sockets_threads_or_clock() -> None:
+    folder = TOP / "package/ddxvideo/stream/core"
+    assert (folder / "stream_tx.h").exists() and (folder / "stream_rx.h").exists()
+    assert [path.name for path in folder.glob("*.[ch]") if re.search(OUTSIDE, path.read_text())] == []
+    assert re.search(OUTSIDE, (folder.parent / "send/post.c").read_text())
+
+
 # Words that only one folder may use; others use that folder's header.
 PRIVATE = {r"v4l2_|V4L2_|VIDIOC_|videodev2": "package/ddxvideo/grab/v4l",
            r"dc1394_|DC1394_|dc1394/": "package/ddxvideo/grab/iidc",

@@ -4,6 +4,121 @@
 #include <errno.h>
 #include <string.h>
 
+/*
+ * ---- The order of packets ----
+ *
+ * Numbers only; restore.h has the packets. Packets that come in order do not wait; after a gap they wait until the
+ * missing packet comes, or until the caller gives it up. There are places for REORDER_PACKETS numbers, from the one
+ * that is due on.
+ */
+
+static struct reorder_slot *slot_of(struct reorder *reorder, uint16_t sequence) {
+    return &reorder->slot[sequence % REORDER_PACKETS];
+}
+
+static bool is_remembered(const struct reorder *reorder, uint16_t sequence) {
+    return reorder->seen[sequence % REORDER_MEMORY / 8] >> sequence % 8 & 1;
+}
+
+/* Advances to the next number; the current one came, or is given up. */
+static void step_to_next(struct reorder *reorder, bool came) {
+    uint8_t *byte = &reorder->seen[reorder->next % REORDER_MEMORY / 8], bit = (uint8_t)(1 << reorder->next % 8);
+
+    *byte = came ? *byte | bit : *byte & (uint8_t)~bit;
+    reorder->lost_before += !came;
+    reorder->next++;
+}
+
+static void reorder_init(struct reorder *reorder) {
+    memset(reorder, 0, offsetof(struct reorder, slot));
+    for (unsigned i = 0; i < REORDER_PACKETS; i++)
+        reorder->slot[i].used = false;
+}
+
+/* The sequence numbers jumped: begin again, without counting a loss. */
+static void begin_numbers_at(struct reorder *reorder, uint16_t sequence) {
+    memset(reorder->seen, 0, sizeof reorder->seen);
+    reorder->next = sequence;
+    reorder->begun = true;
+}
+
+static enum reorder_result reorder_put(struct reorder *reorder, uint16_t sequence, int64_t now) {
+    if (!reorder->begun)
+        begin_numbers_at(reorder, sequence);
+    int distance = (int16_t)(sequence - reorder->next);
+    bool far = distance < -REORDER_MEMORY || distance > REORDER_JUMP;
+    if (far && !rtp_is_confirmed(&reorder->stranger, sequence))
+        return REORDER_LATE;
+    if ((far || distance >= REORDER_PACKETS) && reorder->waiting) {
+        if (far)
+            reorder->stranger.next = sequence; /* the next attempt must be accepted */
+        return REORDER_FULL;
+    }
+    reorder->stranger.there = false;
+    if (distance < -REORDER_MEMORY)
+        begin_numbers_at(reorder, sequence);
+    else if (distance < 0)
+        return is_remembered(reorder, sequence) ? REORDER_DUPLICATE : REORDER_LATE;
+    else if (distance >= REORDER_PACKETS) /* too far ahead to wait for the missing packets */
+        while (reorder->next != sequence)
+            step_to_next(reorder, false);
+
+    struct reorder_slot *slot = slot_of(reorder, sequence);
+    if (slot->used)
+        return REORDER_DUPLICATE;
+    bool overtaken = false;
+    for (int i = 1; reorder->waiting && i < REORDER_PACKETS && !overtaken; i++) {
+        uint16_t later = (uint16_t)(sequence + i);
+
+        overtaken = (uint16_t)(later - reorder->next) < REORDER_PACKETS && slot_of(reorder, later)->used;
+    }
+    *slot = (struct reorder_slot){true, now};
+    reorder->waiting++;
+    return overtaken ? REORDER_OUT_OF_TURN : REORDER_TAKEN;
+}
+
+/* Arrival of the first waiting packet; INT64_MAX if none waits. */
+static int64_t reorder_waits_since(const struct reorder *reorder) {
+    int64_t first = INT64_MAX;
+
+    for (unsigned i = 0; reorder->waiting && i < REORDER_PACKETS; i++)
+        if (reorder->slot[i].used && reorder->slot[i].arrival < first)
+            first = reorder->slot[i].arrival;
+    return first;
+}
+
+/* The packet that is due, or NULL; valid until reorder_take(). *lost: packets before it that were given up. */
+static const struct reorder_slot *reorder_peek(const struct reorder *reorder, unsigned *lost) {
+    const struct reorder_slot *slot = &reorder->slot[reorder->next % REORDER_PACKETS];
+
+    *lost = reorder->lost_before;
+    return slot->used ? slot : NULL;
+}
+
+/* Give up the packet that is due, and missing. False if it has come, or if no other packet waits. */
+static bool reorder_give_up(struct reorder *reorder) {
+    if (!reorder->waiting || slot_of(reorder, reorder->next)->used)
+        return false;
+    step_to_next(reorder, false);
+    return true;
+}
+
+static void reorder_take(struct reorder *reorder) {
+    slot_of(reorder, reorder->next)->used = false;
+    reorder->waiting--;
+    step_to_next(reorder, true);
+    reorder->lost_before = 0;
+}
+
+/* The packet that is due was there, but is not any more. */
+static void reorder_lose(struct reorder *reorder) {
+    slot_of(reorder, reorder->next)->used = false;
+    reorder->waiting--;
+    step_to_next(reorder, false);
+}
+
+/* ---- The receiver ---- */
+
 void stream_rx_init(struct stream_rx *rx, const struct stream_rx_settings *settings) {
     memset(rx, 0, offsetof(struct stream_rx, restore));
     restore_init(&rx->restore, 0);

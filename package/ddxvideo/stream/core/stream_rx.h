@@ -16,8 +16,35 @@
 #define DDXVIDEO_STREAM_RX_H
 
 #include "assembly.h"
-#include "reorder.h"
 #include "reporter.h"
+#include "rtp.h"
+
+#define REORDER_PACKETS 256 /* as many as repair packets reach back */
+#define REORDER_JUMP 1000   /* numbers further away than this are accepted after two consecutive ones */
+#define REORDER_MEMORY 1024 /* numbers back, within which duplicates and late packets are told apart */
+
+struct reorder_slot {
+    bool used;
+    int64_t arrival;
+};
+
+struct reorder {
+    bool begun;
+    uint16_t next;        /* the sequence number that is due */
+    unsigned lost_before; /* packets given up before that one, not reported yet */
+    struct rtp_stranger stranger;
+    unsigned waiting;
+    uint8_t seen[REORDER_MEMORY / 8];          /* of the numbers before `next`: whether they came */
+    struct reorder_slot slot[REORDER_PACKETS]; /* by sequence number */
+};
+
+enum reorder_result {
+    REORDER_TAKEN,
+    REORDER_OUT_OF_TURN, /* taken; a later one came before it */
+    REORDER_DUPLICATE,
+    REORDER_LATE, /* it was given up, or its number is far away */
+    REORDER_FULL  /* no place: give up a missing packet or take one out, then try again */
+};
 
 #define STREAM_RX_SILENCE INT64_C(400000000) /* ns */
 #define STREAM_RX_REPAIR INT64_C(1000000000) /* ns that a packet waits for a missing one that may be restored */
