@@ -1,6 +1,6 @@
 /* SPDX-License-Identifier: GPL-2.0-or-later */
 /*
- * Programs draw on a surface: a window (window.h) or, without X, a whole screen. Each back end has its own struct that
+ * Programs draw on a surface: a window or, without X, a whole screen. Each back end has its own struct that
  * begins with a struct surface.
  *
  * A surface belongs to one thread; only surface_wake() may be called from any thread. Two functions wait:
@@ -119,5 +119,33 @@ static inline void surface_close(struct surface *surface) {
     if (surface)
         surface->close(surface);
 }
+
+/* ---- A window. SDL2 is loaded at run time, so that a machine without a screen does not need it. ---- */
+
+/*
+ * Open a window, which is visible from the first surface_resize() on. It is the caller's until surface_close(); a
+ * program has one at a time. NULL, with the reason in *error as a static text.
+ */
+struct surface *window_open(const char *title, const char **error);
+
+/* ---- A whole screen, without X: two buffers and page flips of the kernel's DRM, so no picture is torn. ---- */
+
+/*
+ * Open a screen that no other program uses. The text console returns after surface_close(), and after the program's
+ * death. Drivers may need some 100 ms to ask the monitors. The screen is the caller's until surface_close(); a program
+ * has one at a time. NULL, with the reason in *error as a static text, valid until the next call: no screen, no
+ * monitor, no such output or mode, in use, no permission. A caller may try again at any time.
+ *
+ * An error of surface_lock() or surface_show() means that the screen is lost (its monitor was unplugged, say): close
+ * the surface, and open another one.
+ *
+ * Keys are read, and the terminal is changed, only while the program is in the foreground of its terminal: in the
+ * background neither is touched, and SIGTTIN and SIGTTOU do not occur. There are no events of a pointer, and
+ * SURFACE_CLOSE means that the terminal is gone.
+ */
+struct surface *screen_open(const struct screen_choice *choice, const char **error);
+
+/* The connector's name and the mode, such as "HDMI-A-1, 1920x1080 at 60 Hz". Valid until surface_close(). */
+const char *screen_name(const struct surface *surface);
 
 #endif

@@ -11,7 +11,6 @@
 #include "layout.h"
 #include "paint.h"
 #include "program.h"
-#include "screen.h"
 #include "surface.h"
 #include "watch.h"
 

@@ -9,9 +9,8 @@
 #include "network.h"
 #include "picture.h"
 #include "program.h"
-#include "screen.h"
+#include "surface.h"
 #include "view.h"
-#include "window.h"
 
 #define REFRESH (250 * VIEW_MS) /* between updates of ages and counts while no picture comes */
 #define LOOK 100                /* ms, between checks for a stop */

@@ -8,7 +8,7 @@
 #include <string.h>
 
 #include "paint.h"
-#include "window.h"
+#include "surface.h"
 
 /* ---- The item, and the newest picture ---- */
 
