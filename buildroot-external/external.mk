@@ -9,6 +9,13 @@ ddx-users = $(subst |,$(sep),$(shell awk '/^[a-z.]/ && $$4 ~ /^[0-9]+$$/ { \
 	printf "%s %s ddx 900 * - /bin/false -", $$3, $$4; for (i = 5; i <= NF; i++) printf " %s", $$i; printf "|" }' \
 	$(wildcard $(patsubst %,%/package/$(1)/programs.txt,$(DDXVIDEO_TOP) $(BR2_EXTERNAL_DIRS))) /dev/null))
 
+# The texts of LICENSES that a package names, for legal-info, which reads the package's folder only. A hook after rsync.
+define DDXVIDEO_COPY_LICENSES
+	$(foreach text,$(filter LICENSES/%,$($(PKG)_LICENSE_FILES)), \
+		$(INSTALL) -D -m 0644 $(DDXVIDEO_TOP)/$(text) $(@D)/$(text)
+	)
+endef
+
 # Other trees' files for the root file system; later ones override. This tree's are in the boards' configurations.
 BR2_ROOTFS_OVERLAY := $(call qstrip,$(BR2_ROOTFS_OVERLAY)) $(wildcard $(addsuffix /overlay,$(BR2_EXTERNAL_DIRS)))
 

@@ -18,7 +18,8 @@ WARNING: the Buildroot source code has not been saved
 OTHER = "WARNING: xz-custom: cannot save license (HOST_XZ_LICENSE_FILES not defined)\n"
 OURS = "WARNING: ddx-0.1.0: cannot save license (DDX_LICENSE_FILES not defined)\n"
 COLUMNS = '"PACKAGE","VERSION","LICENSE","LICENSE FILES","SOURCE ARCHIVE","SOURCE SITE","DEPENDENCIES WITH LICENSES"'
-DDX = '"ddx","0.1.0","LGPL-2.1+ (libddx), GPL-2.0+ (programs, scripts)","LICENSE LICENSE.GPL","not saved","","glibc []"'
+DDX = ('"ddx","0.1.0","LGPL-2.1+ (libddx), GPL-2.0+ (programs, scripts)","LICENSE LICENSES/GPL-2.0.txt","not saved","",'
+       '"glibc []"')
 
 
 @pytest.fixture
@@ -26,7 +27,8 @@ def folder(tmp_path: pathlib.Path) -> pathlib.Path:
     """A correct folder of legal-info."""
     (tmp_path / "README").write_text(README)
     (tmp_path / "manifest.csv").write_text(f"{COLUMNS}\n{DDX}\n")
-    for name in ["licenses/ddx-0.1.0/LICENSE", "licenses/ddx-0.1.0/LICENSE.GPL", "sources/ddx-0.1.0/ddx-0.1.0.tar.gz"]:
+    for name in ["licenses/ddx-0.1.0/LICENSE", "licenses/ddx-0.1.0/LICENSES/GPL-2.0.txt",
+                 "sources/ddx-0.1.0/ddx-0.1.0.tar.gz"]:
         (tmp_path / name).parent.mkdir(parents=True, exist_ok=True)
         (tmp_path / name).touch()
     return tmp_path
@@ -58,7 +60,7 @@ def test_a_warning_about_others_is_shown(folder: pathlib.Path, capsys: pytest.Ca
     assert "warning: xz-custom: cannot save" in report and "warning: Buildroot: something in general" in report
 
 
-@pytest.mark.parametrize("gone, complaint", [("licenses/ddx-0.1.0/LICENSE.GPL", "licence texts missing"),
+@pytest.mark.parametrize("gone, complaint", [("licenses/ddx-0.1.0/LICENSES/GPL-2.0.txt", "licence texts missing"),
                                              ("sources/ddx-0.1.0/ddx-0.1.0.tar.gz", "source missing")])
 def test_a_file_that_is_missing(folder: pathlib.Path, gone: str, complaint: str) -> None:
     (folder / gone).unlink()
