@@ -16,6 +16,11 @@ define DDXVIDEO_COPY_LICENSES
 	)
 endef
 
+# The init scripts of a package's services, from its programs.txt. A hook after the installation.
+define DDXVIDEO_INSTALL_INIT_SCRIPTS
+	$(DDXVIDEO_TOP)/board/common/init-scripts $(@D) $(TARGET_DIR)
+endef
+
 # Other trees' files for the root file system; later ones override. This tree's are in the boards' configurations.
 BR2_ROOTFS_OVERLAY := $(call qstrip,$(BR2_ROOTFS_OVERLAY)) $(wildcard $(addsuffix /overlay,$(BR2_EXTERNAL_DIRS)))
 

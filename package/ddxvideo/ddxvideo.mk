@@ -14,5 +14,6 @@ DDXVIDEO_INSTALL_STAGING = YES
 DDXVIDEO_DEPENDENCIES = ddx ffmpeg libdc1394 libdrm libsrtp libusb x264
 DDXVIDEO_CONF_OPTS = -Ddrm=enabled -Diidc=enabled -Dsrtp=enabled
 DDXVIDEO_USERS = $(call ddx-users,ddxvideo)
+DDXVIDEO_POST_INSTALL_TARGET_HOOKS += DDXVIDEO_INSTALL_INIT_SCRIPTS
 
 $(eval $(meson-package))

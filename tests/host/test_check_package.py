@@ -13,7 +13,7 @@ pytestmark = [pytest.mark.retry, pytest.mark.computes, pytest.mark.skipif(not bu
 FAULTS = {
     "package/libdc1394/libdc1394.mk": ("CONF_OPTS = ", "CONF_OPTS = \\\n    "),
     "package/ddx/Config.in": ("\tbool", "        bool"),
-    "package/ddx/store/S20store": ('DAEMON="store"', ""),
+    "overlay/etc/init.d/S10mdev": ('DAEMON="mdev"', ""),
     "package/libdc1394/libdc1394.hash": ("sha256  ", "sha256 "),
     "overlay/etc/init.d/S02base": ("\tprintf", "    printf"),
     "overlay/etc/init.d/rcS": ("\n", " \n"),

@@ -46,7 +46,6 @@ def root(tmp_path_factory: pytest.TempPathFactory) -> pathlib.Path:
         path = tree / name
         path.parent.mkdir(exist_ok=True)
         path.write_text((path.read_text() if name == TABLE else "") + text)
-        path.chmod(0o755 if text.startswith("#!") else 0o644)
     (tree / "kernel/lib").mkdir(parents=True)
     subprocess.run([sys.executable, "-B", "-c", BUILD, tree / "root", busybox.busybox(), tree / "kernel",
                     ffmpeg.ffmpeg()], cwd=tree / "tools", check=True, timeout=600)
@@ -55,15 +54,16 @@ def root(tmp_path_factory: pytest.TempPathFactory) -> pathlib.Path:
 
 def test_the_page_has_all_files_of_a_program() -> None:
     folder = "package/ddxvideo/dark/"
-    assert set(files()) == {TABLE, *(folder + name for name in ("main.c", "meson.build", f"S62{NAME}",
-                                                                 f"{NAME}.default"))}
+    assert set(files()) == {TABLE, *(folder + name for name in ("main.c", "meson.build", f"{NAME}.default"))}
     assert files()[TABLE].split()[:4] == ["dark", f"S62{NAME}", USER, NUMBER]
 
 
 def test_program_user_script_and_settings_are_in_the_image(root: pathlib.Path) -> None:
     assert (root / "usr/bin" / NAME).read_bytes().startswith(b"\x7fELF")
     assert f"{USER}:x:{NUMBER}:900:reports when a camera sees nothing:" in (root / "etc/passwd").read_text()
-    assert os.access(root / f"etc/init.d/S62{NAME}", os.X_OK)
+    script = root / f"etc/init.d/S62{NAME}"
+    assert os.access(script, os.X_OK)
+    assert f"# Reports when a camera sees nothing; settings in /etc/default/{NAME} and" in script.read_text()
     assert f"user={USER}\n" in (root / "etc/default" / NAME).read_text()
 
 

@@ -11,6 +11,7 @@ from parts.image import cyclonedds, dc1394, srtp
 
 PACKAGES = ["ddx", "ddxcatalog", "ddxgrow", "ddxlog", "ddxservice", "ddxvideo"]  # ours
 LIBRARIES = srtp.LIBRARIES
+INIT_SCRIPTS = TOP / "board/common/init-scripts"
 # Debuggers then find the sources from the top of any clone, also those of an object that another clone compiled.
 MAPPED = f"-ffile-prefix-map={TOP}=."
 MESON = ["--prefix=/usr", "--sysconfdir=/etc", "--buildtype=debugoptimized", f"-Dc_args={MAPPED}",
@@ -132,5 +133,8 @@ def _build(out: pathlib.Path, root: pathlib.Path, sources: pathlib.Path, options
         stamp.unlink(missing_ok=True)
     # Only if changed: meson makes the libraries' links again each time, and a program that starts at that moment finds
     # no library.
-    step(f"{title}: installation", stamp, fingerprint([sources]),
-         lambda: run(["meson", "install", "--no-rebuild", "--only-changed", "-C", out], env=env))
+    def install() -> None:
+        run(["meson", "install", "--no-rebuild", "--only-changed", "-C", out], env=env)
+        run([INIT_SCRIPTS, sources, root])
+
+    step(f"{title}: installation", stamp, fingerprint([sources, INIT_SCRIPTS]), install)
