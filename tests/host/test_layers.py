@@ -103,7 +103,7 @@ FOLDERS = """
     ddxvideo/coded ddxvideo/stream/core
     ddxcatalog/catalog ddxlog ddxvideo/draw ddxvideo/grab ddxvideo/save/pool ddxvideo/stream
     ddxcatalog ddxvideo/grab/iidc ddxvideo/grab/v4l ddxvideo/health ddxvideo/load ddxvideo/play ddxvideo/recordings
-    ddxvideo/save ddxvideo/stereo ddxvideo/stream/receive ddxvideo/stream/send ddxvideo/stream/snap
+    ddxvideo/save ddxvideo/snap ddxvideo/stereo ddxvideo/stream/receive ddxvideo/stream/send
     ddxvideo/view
 """
 
