@@ -30,7 +30,7 @@ LIMIT_P50_MS, LIMIT_SENDER_PERCENT = 2.0, 4.0
 # Names of bench/encode.c, and the sender's options.
 CODECS = {"h264": ["-codec", "h264"], "ultrafast": ["-codec", "h264", "-preset", "ultrafast"],
           "mpeg4": ["-codec", "mpeg4"]}
-ENCODE = OUTPUT / "desk/ddxvideo/stream/encode"
+ENCODE = OUTPUT / "desk/ddxvideo/tests/encode"
 
 
 @dataclasses.dataclass(frozen=True)

@@ -165,7 +165,7 @@ def measure(screen: Screen, folder: pathlib.Path, options: argparse.Namespace) -
         for name in ["ddxvideoview"] if options.short else ["ddxvideoview", "ffplay"]:
             starts.setdefault(name, []).append(first_picture(screen, name, small))
     found["start"] = {name: summary(values) for name, values in starts.items()}
-    found["frame"] = json.loads(run([OUTPUT / "desk/ddxvideo/view/view", str(options.frames)]))
+    found["frame"] = json.loads(run([OUTPUT / "desk/ddxvideo/tests/view", str(options.frames)]))
     return found
 
 

@@ -63,7 +63,7 @@ def build(prefix: str, stage: pathlib.Path) -> None:
         if package in ("ddxgrow", "ddxservice"):  # for an appliance's disk and services only
             continue
         sources, out = TOP / "package" / package, OUTPUT / "desktop" / package
-        options = [f"--prefix={prefix}", *native.without_tests(sources)]  # the last prefix counts
+        options = [f"--prefix={prefix}"]  # the last prefix counts
         if package == "ddx":
             options.append(f"-Dpython_folder={python_folder(prefix)}")
         if package == "ddxvideo":

@@ -29,7 +29,7 @@ BUILT = TOP / "output"
 
 
 def built(name: str) -> pathlib.Path:
-    """The store's folder in one of the gate's builds, which is made now if the gate has not come to it yet."""
+    """ddx in one of the gate's builds, which is made now if the gate has not come to it yet."""
     options = next(options for build, options, _ in gate.BUILDS if build == name)
     native.build(name, options, ["ddx"])
     return BUILT / name / "ddx"
@@ -54,7 +54,7 @@ def test_word_sizes_share_a_store(writer: str, readers: str, store: str) -> None
     assert b"ELF 32-bit" in subprocess.run(["file", program["m32"]], capture_output=True, check=True).stdout
     done = subprocess.run([program[writer]], capture_output=True, text=True, timeout=120, check=False,
                           env={**os.environ, "DDX_OTHER_PROGRAM": str(program[readers]),
-                               "DDX_STORE_PROGRAM": str(BUILT / store / "ddx/store")})
+                               "DDX_STORE_PROGRAM": str(native.built(store, "ddx") / "store")})
     assert done.returncode == 0, done.stderr
 
 
@@ -181,7 +181,8 @@ def test_a_budget_that_is_too_small(tmp_path: pathlib.Path) -> None:
 @pytest.fixture
 def guarded(tmp_path: pathlib.Path) -> Iterator[Desk]:
     """A store with AddressSanitizer."""
-    desk = Desk(tmp_path, store=built("address") / "store")
+    built("address")
+    desk = Desk(tmp_path, store=native.built("address", "ddx") / "store")
     yield desk
     desk.end()
 

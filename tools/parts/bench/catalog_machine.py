@@ -14,7 +14,7 @@ from parts.common import MORTAL, OUTPUT, TOP, Command, output, wait_until
 from parts.link.link import Node
 from parts.processes import Client, kill
 
-BENCH = OUTPUT / "desk/ddxcatalog/bench"
+BENCH = OUTPUT / "desk/ddxcatalog/tests/bench"
 
 
 class Reader:

@@ -1,5 +1,6 @@
 # SPDX-License-Identifier: GPL-2.0-or-later
-"""The desk build: the packages, each a meson project, installed into output/desk/root, which the image uses as well."""
+"""The desk build: the packages, each a meson project, installed into output/desk/root, which the image uses as well.
+With tests, a package of ours is the subproject of the tree's meson.build."""
 import json
 import pathlib
 import shutil
@@ -79,14 +80,14 @@ def build(name: str = "desk", options: Sequence[str] = (), chosen: Sequence[str]
             defects.copy()
         for package in wanted:
             sources = tree / "package" / package if tree else folders[package]
-            _build(OUTPUT / name / package, root, sources, [*options, *([] if tests else without_tests(sources))])
+            tested = tests and tree is None and package in PACKAGES
+            _build(OUTPUT / name / package, root, sources, options, tested)
     return root
 
 
-def without_tests(sources: pathlib.Path) -> list[str]:
-    """meson's option, for a package that has it."""
-    declared = sources / "meson_options.txt"
-    return ["-Dtests=false"] if declared.exists() and "option('tests'" in declared.read_text() else []
+def built(name: str, package: str) -> pathlib.Path:
+    """Where the package's own programs are in the build with tests; the tests are in output/<name>/<package>/tests."""
+    return OUTPUT / name / package / "package" / package
 
 
 def _drop_foreign(out: pathlib.Path) -> None:
@@ -124,11 +125,12 @@ def compile_package(out: pathlib.Path, sources: pathlib.Path, options: Sequence[
     return "ninja: no work to do" not in run(["nice", "-n", "10", "ninja", "-C", out], env=env)
 
 
-def _build(out: pathlib.Path, root: pathlib.Path, sources: pathlib.Path, options: Sequence[str]) -> None:
+def _build(out: pathlib.Path, root: pathlib.Path, sources: pathlib.Path, options: Sequence[str], tested: bool) -> None:
     title = f"{out.parent.name}: {out.name}"
     env = {**environment(root), "DESTDIR": str(root)}
     stamp = root / f".{out.name}"
-    if compile_package(out, sources, options, env):
+    project, words = (TOP, [*options, f"-Dpackage={out.name}"]) if tested else (sources, options)
+    if compile_package(out, project, words, env):
         say(f"{title}: built")
         stamp.unlink(missing_ok=True)
     # Only if changed: meson makes the libraries' links again each time, and a program that starts at that moment finds
