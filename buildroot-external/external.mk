@@ -2,6 +2,7 @@
 # Includes the makefiles of the project's packages; board/ and tools/ are used from there, too.
 
 DDXVIDEO_TOP = $(BR2_EXTERNAL_DDXVIDEO_PATH)/..
+DDXVIDEO_PYTHON = PYTHONPATH=$(DDXVIDEO_TOP)/tools python3 -B
 
 # The users of a package's programs, from its programs.txt, in the form of Buildroot's users tables; the package may be
 # in any tree.
@@ -28,14 +29,14 @@ include $(sort $(wildcard $(DDXVIDEO_TOP)/package/*/*.mk))
 
 # Kconfig silently drops options whose dependencies are off; a camera's driver must not be lost that way.
 define DDXVIDEO_LINUX_CHECK_CONFIG
-	$(DDXVIDEO_TOP)/tools/buildroot_fragments.py $(@D)/.config \
+	$(DDXVIDEO_PYTHON) -m parts.image.buildroot_fragments $(@D)/.config \
 		$(LINUX_KCONFIG_FILE) $(LINUX_KCONFIG_FRAGMENT_FILES)
 endef
 LINUX_POST_CONFIGURE_HOOKS += DDXVIDEO_LINUX_CHECK_CONFIG
 
 # BusyBox. Buildroot completes a short configuration with BusyBox's defaults, which are mostly on; this runs after that.
 define DDXVIDEO_BUSYBOX_CONFIG
-	$(DDXVIDEO_TOP)/tools/buildroot_busybox.py $(@D) env $(BUSYBOX_KCONFIG_MAKE)
+	$(DDXVIDEO_PYTHON) -m parts.image.buildroot_busybox $(@D) env $(BUSYBOX_KCONFIG_MAKE)
 endef
 PACKAGES_BUSYBOX_CONFIG_FIXUPS += $(DDXVIDEO_BUSYBOX_CONFIG)$(sep)
 

@@ -8,12 +8,11 @@ import shutil
 import subprocess
 
 import buildroot
-import buildroot_fragments
 import pytest
 from parts import trees
 from parts.common import OUTPUT, TOP, run
 from parts.guest import machine
-from parts.image import cyclonedds, native
+from parts.image import buildroot_fragments, cyclonedds, native
 
 pytestmark = [pytest.mark.retry, pytest.mark.computes]
 
@@ -102,8 +101,8 @@ def test_a_changed_kernel_source_is_refused(tmp_path: pathlib.Path) -> None:
 def test_a_dropped_option_is_found(tmp_path: pathlib.Path, wanted: str, have: str, good: bool) -> None:
     (tmp_path / "fragment").write_text(f"# comment\n{wanted}\n")
     (tmp_path / "config").write_text(f"{have}\n")
-    done = subprocess.run([PYTHON, "-B", TOP / "tools/buildroot_fragments.py", tmp_path / "config",
-                           tmp_path / "fragment"], capture_output=True, text=True, check=False)
+    done = subprocess.run([PYTHON, "-B", "-m", "parts.image.buildroot_fragments", tmp_path / "config",
+                           tmp_path / "fragment"], cwd=TOP / "tools", capture_output=True, text=True, check=False)
     assert (done.returncode == 0) == good
     assert ("CONFIG_A" in done.stderr) == (not good)
 

@@ -18,7 +18,7 @@ NAMES_FILES = re.compile(r"BR2_(ROOTFS_(OVERLAY|POST_\w+_SCRIPT|DEVICE_TABLE)|GL
                          r"LINUX_KERNEL_(CUSTOM_CONFIG_FILE|CONFIG_FRAGMENT_FILES)|DL_DIR|JLEVEL|DEFCONFIG)=")
 KERNEL = re.compile(r'^BR2_LINUX_KERNEL_(?:CUSTOM_CONFIG_FILE|CONFIG_FRAGMENT_FILES)="(.*)"$', re.M)
 FFMPEG = "BR2_PACKAGE_FFMPEG_"
-BUSYBOX = ["board/common/busybox.config", "board/common/manifest.txt", "tools/buildroot_busybox.py",
+BUSYBOX = ["board/common/busybox.config", "board/common/manifest.txt", "tools/parts/image/buildroot_busybox.py",
            "tools/parts/image/busybox.py"]
 
 

@@ -1,6 +1,6 @@
-#!/usr/bin/env python3
 # SPDX-License-Identifier: GPL-2.0-or-later
-"""Check that a kernel has the options of its fragments. usage: buildroot_fragments.py CONFIG FRAGMENT...
+"""Check that a kernel has the options of its fragments. usage:
+python3 -m parts.image.buildroot_fragments CONFIG FRAGMENT...
 
 Kconfig silently drops an option whose dependencies are off. Later fragments win; y satisfies =m, since another option
 may need it built in. Prints each dropped option; the exit status is 1 if there is one.

@@ -1,6 +1,6 @@
-#!/usr/bin/env -S python3 -B
 # SPDX-License-Identifier: GPL-2.0-or-later
-"""Configure Buildroot's BusyBox like the development image's. usage: buildroot_busybox.py SOURCE MAKE...
+"""Configure Buildroot's BusyBox like the development image's. usage:
+python3 -m parts.image.buildroot_busybox SOURCE MAKE...
 
 MAKE... is the command for this source's make. Buildroot calls this during a build: it needs only Python.
 """
