@@ -84,8 +84,8 @@ def types_fit() -> bool:
     folders = [path.relative_to(TOP) for path in python if list(path.glob("*.py"))]
     mypy = ["/usr/bin/python3", "-m", "mypy", "--strict", "--no-error-summary", f"--cache-dir={HOST_CACHE / 'mypy'}"]
     with alone("lint", HOST_CACHE / "mypy.lock"):
-        return subprocess.run([*mypy, *folders], cwd=TOP, check=False,
-                              env={"MYPYPATH": "tools:package/ddx/python", "PATH": "/usr/bin:/bin"}).returncode == 0
+        env = {"MYPYPATH": "tools:tests:package/ddx/python", "PATH": "/usr/bin:/bin"}
+        return subprocess.run([*mypy, *folders], cwd=TOP, check=False, env=env).returncode == 0
 
 
 def commits() -> Iterator[str]:

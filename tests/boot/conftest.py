@@ -9,13 +9,14 @@ from typing import Any
 import pytest
 
 import build
+from lib import evidence, firewire
 from parts.common import OUTPUT, run
 from parts.disk import disk
-from parts.guest import firewire, machine, qemu, session, testdisk
+from parts.guest import machine, qemu, session, testdisk
 from parts.guest.machine import Machine
 from parts.image import native
 from parts.media import clip as default_clip
-from parts.testing import evidence, suite
+from parts.testing import suite
 
 from . import camera, iidc
 from .noise import Noise, noisy

@@ -7,14 +7,14 @@ import warnings
 
 import pytest
 
+from lib import budget
+from lib.budget import MIB
 from parts.common import entries
 from parts.guest import machine, session
 from parts.guest.machine import Machine
 from parts.guest.qemu import Boot, Guest
 from parts.guest.session import Result
 from parts.media.counters import Counters
-from parts.release import budget
-from parts.release.budget import MIB
 
 pytestmark = pytest.mark.retry
 

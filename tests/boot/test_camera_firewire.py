@@ -9,7 +9,8 @@ from collections.abc import Iterator
 
 import pytest
 
-from parts.guest import firewire, machine
+from lib import firewire
+from parts.guest import machine
 from parts.guest.machine import Machine
 from parts.guest.qemu import Guest
 from parts.media.counters import Counters

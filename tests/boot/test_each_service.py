@@ -6,12 +6,11 @@ from collections.abc import Iterator
 
 import pytest
 
+from lib import calibration, crash_loop
 from parts.guest import stream, testdisk
 from parts.guest.qemu import Boot, Guest
 from parts.guest.session import LOAD, SAVE
 from parts.image import tables
-from parts.media import calibration
-from parts.testing import crash_loop
 
 from . import camera
 from .figures import Figure, uptime

@@ -10,11 +10,12 @@ import time
 
 import pytest
 
+from lib import calibration
 from parts.guest import guest_camera, qemu, session
 from parts.guest.guest_camera import GRABBER
 from parts.guest.machine import Machine
 from parts.guest.session import SAVE
-from parts.media import calibration, clip as default_clip, y4m
+from parts.media import clip as default_clip, y4m
 from parts.media.clip import HEIGHT, WIDTH
 from parts.media.counters import Counters
 from parts.media.recording import FileSystem

@@ -4,8 +4,9 @@ import pathlib
 
 import pytest
 
+from lib import logs
 from parts.guest import qemu, session
-from parts.media import clip as default_clip, logs
+from parts.media import clip as default_clip
 from parts.media.recording import FileSystem
 
 pytestmark = pytest.mark.strict

@@ -5,9 +5,9 @@ import re
 
 import pytest
 
+from lib import manifest
 from parts.common import TOP
 from parts.guest import machine
-from parts.release import manifest
 
 from .conftest import BOARD
 

@@ -9,12 +9,12 @@ from typing import Any
 
 import pytest
 
+from lib import host_load
 from parts.guest import camera_run, qemu, session, source, stream
 from parts.guest.machine import Machine
 from parts.guest.qemu import Guest
 from parts.media import clip as default_clip
 from parts.media.counters import Counters
-from parts.testing import host_load
 
 from . import camera
 from .camera import GRABBER, MS

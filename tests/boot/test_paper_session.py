@@ -6,9 +6,9 @@ import time
 
 import pytest
 
+from lib.seen import Seen, ppm
 from parts.common import PATIENCE
 from parts.guest import qemu
-from parts.media.seen import Seen, ppm
 
 from . import camera
 

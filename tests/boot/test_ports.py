@@ -7,10 +7,10 @@ from collections.abc import Iterator
 
 import pytest
 
+from lib import manifest
 from parts.guest import session, testdisk
 from parts.guest.qemu import Boot, Guest
 from parts.media import clip as default_clip
-from parts.release import manifest
 
 from .outsider import ARP, GUEST_IPV4, GUEST_MAC, IP4, IPV4, MAC, TCP, Outsider, ethernet, ip
 from .scan import ALL, SYN, listening

@@ -10,13 +10,13 @@ import numpy
 import pytest
 from numpy.typing import NDArray
 
+from lib.seen import Image as Picture
+from lib.seen import Seen, glyphs, ppm
 from parts.common import PATIENCE, Failed
 from parts.guest import session
 from parts.guest.channel import END
 from parts.guest.qemu import Guest
 from parts.media import clip
-from parts.media.seen import Image as Picture
-from parts.media.seen import Seen, glyphs, ppm
 
 pytestmark = pytest.mark.retry
 

@@ -4,10 +4,10 @@ import pathlib
 
 import pytest
 
+from lib.settings_cut import TOGGLES, cuts, toggle, wrong
 from parts.disk import blocklog, mbr
 from parts.disk.disk import Disk
 from parts.guest.qemu import Boot
-from parts.testing.settings_cut import TOGGLES, cuts, toggle, wrong
 
 from .figures import Figure
 

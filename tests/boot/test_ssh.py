@@ -9,13 +9,13 @@ from collections.abc import Iterator
 
 import pytest
 
+from lib import manifest
 from parts.common import PATIENCE, run
 from parts.guest import session, testdisk
 from parts.guest.laptop import forward, free_port
 from parts.guest.qemu import Boot, Guest
 from parts.media import clip as default_clip
 from parts.media.recording import FileSystem
-from parts.release import manifest
 
 from .test_control import runs
 

@@ -1,12 +1,12 @@
 # SPDX-License-Identifier: GPL-2.0-or-later
-"""The expected contents of log_client's logs, read with PyPI's mcap (tools/parts/media/logs.py)."""
+"""The expected contents of log_client's logs, read with PyPI's mcap (tests/lib/logs.py)."""
 from __future__ import annotations
 
 import pathlib
 import struct
 from typing import Any
 
-from parts.media import logs
+from lib import logs
 
 from .programs import Compiler, Desk, Process, wait_until
 

@@ -9,9 +9,10 @@ from typing import Any
 
 import numpy
 
+from lib import calibration
+from lib.calibration import Matrices
 from parts.common import Failed
-from parts.media import calibration, stereo_pairs
-from parts.media.calibration import Matrices
+from parts.media import stereo_pairs
 from parts.media.stereo_pairs import Grey, Map, Pair
 
 from .absent import not_made

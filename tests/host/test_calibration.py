@@ -8,7 +8,7 @@ from collections.abc import Callable
 import numpy
 import pytest
 
-from parts.media.calibration import Matrices, ideal
+from lib.calibration import Matrices, ideal
 from parts.media.stereo_pairs import Pair
 
 from .absent import module

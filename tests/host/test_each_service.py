@@ -10,10 +10,10 @@ from collections.abc import Iterator
 
 import pytest
 
+from lib import calibration, crash_loop
 from parts.guest.native_machine import NativeMachine
 from parts.image import tables
-from parts.media import calibration, clip, counters
-from parts.testing import crash_loop
+from parts.media import clip, counters
 
 from .programs import wait_until
 

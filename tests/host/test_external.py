@@ -11,11 +11,12 @@ import sys
 import buildroot
 import pytest
 
+from lib import manifest
 from parts import trees
 from parts.common import OUTPUT, TOP, BadInput
 from parts.guest import machine
 from parts.image import busybox, ffmpeg, native, rootfs, tables
-from parts.release import manifest, renew
+from parts.release import renew
 
 pytestmark = pytest.mark.retry
 

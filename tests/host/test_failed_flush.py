@@ -7,7 +7,7 @@ import pathlib
 
 import pytest
 
-from parts.media import logs
+from lib import logs
 
 from .log_rules import begin, only, write
 from .programs import Compiler, Desk, lost, pictures, preload, result, start_recorder, wait_until

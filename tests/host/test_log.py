@@ -11,7 +11,7 @@ import time
 
 import pytest
 
-from parts.media import logs
+from lib import logs
 
 from .log_rules import CONFIG, begin, check_log, check_sample, files, losses, only, write, written
 from .programs import ROOT, Compiler, Desk, library_folder, lost, stop, wait_until

@@ -7,7 +7,7 @@ import subprocess
 
 import pytest
 
-from parts.media import logs
+from lib import logs
 
 from .log_rules import CONFIG, begin, check_log, only, write, written
 from .programs import ROOT, Compiler, Desk, library_folder, stop, wait_until

@@ -10,7 +10,7 @@ import zlib
 
 import pytest
 
-from parts.media import logs
+from lib import logs
 
 from .log_rules import begin, check_sample, only, write, written
 from .programs import (ROOT, Compiler, Counters, Desk, lost, make_clip, pictures, read_y4m, start_recorder, stop, times,

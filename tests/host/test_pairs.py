@@ -9,8 +9,8 @@ from collections.abc import Iterator
 
 import pytest
 
+from lib.calibration import ideal
 from parts.common import MORTAL
-from parts.media.calibration import ideal
 
 from .programs import (TOP, Counters, Desk, Process, pictures, start_recorder, stop, times, wait_for_recorder,
                        wait_until)

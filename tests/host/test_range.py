@@ -12,8 +12,9 @@ import numpy
 import pytest
 from numpy.typing import NDArray
 
-from parts.media import calibration, stereo_pairs
-from parts.media.calibration import BASELINE, FOCUS, Matrices
+from lib import calibration
+from lib.calibration import BASELINE, FOCUS, Matrices
+from parts.media import stereo_pairs
 from parts.media.stereo_pairs import Grey, Map, Pair
 
 from .absent import module, need, not_installed

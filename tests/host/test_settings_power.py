@@ -12,12 +12,12 @@ from collections.abc import Iterator
 import pytest
 
 import build
+from lib.settings_cut import TOGGLES, cuts, toggle, wrong
 from parts.common import MORTAL, SBIN, run
 from parts.disk import blocklog
 from parts.guest.native_machine import NativeMachine
 from parts.guest.slow_disk import FILE_SYSTEMS
 from parts.image import native
-from parts.testing.settings_cut import TOGGLES, cuts, toggle, wrong
 
 from .programs import wait_until
 

@@ -10,8 +10,8 @@ import numpy
 import pytest
 from numpy.typing import NDArray
 
+from lib.seen import read_text
 from parts.media import clip as numbered_clip
-from parts.media.seen import read_text
 
 from .programs import Desk, ffmpeg, make_clip
 

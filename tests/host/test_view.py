@@ -14,9 +14,9 @@ from collections.abc import Iterator
 import numpy
 import pytest
 
+from lib.seen import Seen
 from parts.media import clip as numbered
 from parts.media.display import Display
-from parts.media.seen import Seen
 
 from .programs import Desk, pictures, result, stop, wait_until
 from .stream import PORT, TO_RELAY, Stream

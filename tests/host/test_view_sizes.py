@@ -4,8 +4,8 @@ import pathlib
 
 import pytest
 
+from lib.seen import Seen
 from parts.media.display import Display
-from parts.media.seen import Seen
 
 from .programs import Desk, result
 from .test_view import HEIGHT, WIDTH, display, make_clip, middle

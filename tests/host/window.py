@@ -7,8 +7,8 @@ from collections.abc import Callable
 
 import numpy
 
+from lib.seen import Image, Seen
 from parts.media.display import Display
-from parts.media.seen import Image, Seen
 
 from .programs import Desk, Process
 

@@ -105,7 +105,7 @@ def reached(tool: pathlib.Path) -> set[pathlib.Path]:
 def foreign_modules(path: pathlib.Path) -> set[str]:
     """The imported modules that are neither ours nor Python's own."""
     tops = {name.split(".")[0] for name in imports(path)}
-    ours = {"parts", "ddx", "ddxvideo", "tests"} | {one.stem for one in TOOLS.glob("*.py")}
+    ours = {"parts", "ddx", "ddxvideo", "lib", "tests"} | {one.stem for one in TOOLS.glob("*.py")}
     return {name for name in tops if name not in sys.stdlib_module_names and name not in ours}
 
 

@@ -3,9 +3,10 @@
 import functools
 import pathlib
 
+from lib import module
 from parts.common import TOP, run
 from parts.guest.qemu import Guest
-from parts.image import dc1394, module, srtp
+from parts.image import dc1394, srtp
 
 SOURCES = TOP / "tests/guest/firewire"
 NAME = "vfirewire"
