@@ -24,7 +24,8 @@ RUN_BENCH = $(if $(ROUNDS),-rounds '$(ROUNDS)') $(if $(CASES),-cases '$(CASES)')
 # Long runs with options of their own, each a program in tools/.
 CAMPAIGNS = bench-record crash endurance fuzz killed newmachine powercut reproduce
 CAMPAIGN = $(if $(filter 1,$(words $(T))),$(filter $(T),$(CAMPAIGNS)))
-RUN_CAMPAIGN = $(if $(filter reproduce,$(T)),buildroot.py reproduce "$(BOARD)",$(subst -,_,$(CAMPAIGN)).py $(ARGS))
+RUN_CAMPAIGN = $(if $(filter bench-record,$(T)),tools/bench record $(ARGS),$(PYTHON) tools/$(if \
+	$(filter reproduce,$(T)),buildroot.py reproduce "$(BOARD)",$(CAMPAIGN).py $(ARGS)))
 
 .PHONY: help setup setup-run setup-build build run boot test test-long results again defects image sdk bench legal sbom lint flash \
 	docs desktop clean distclean
@@ -52,7 +53,7 @@ test: setup      ## the gate: all tests but the long ones, in 15 minutes; STRICT
 	@$(PYTHON) tools/gate.py $(JUNIT_WORDS) $(if $(T),'$(T)')
 test-long: setup ## tests of minutes and hours; T=crash, powercut, killed, endurance, fuzz, newmachine, reproduce: a campaign
 	@tools/setup $(if $(filter reproduce,$(CAMPAIGN)),image,long)
-	@$(PYTHON) tools/$(if $(CAMPAIGN),$(RUN_CAMPAIGN),gate.py -long $(JUNIT_WORDS) $(if $(T),'$(T)'))
+	@$(if $(CAMPAIGN),$(RUN_CAMPAIGN),$(PYTHON) tools/gate.py -long $(JUNIT_WORDS) $(if $(T),'$(T)'))
 again: setup     ## chosen tests TIMES=10 times: T= in Python, C='name' in C, LOAD=1 beside busy processors
 	@$(PYTHON) tools/again.py $(if $(TIMES),-times '$(TIMES)') $(if $(LOAD),-load) $(if $(C),-c '$(C)') $(if $(T),'$(T)')
 defects: setup   # put defects back that once were: the test against each turns red; T= words of a name
@@ -67,13 +68,13 @@ results:         # output/results.md: what the long runs have measured, by commi
 	@$(PYTHON) tools/results.py
 bench:           ## the store beside other ways to pass frames: ROUNDS=, CASES=, BEFORE=commit, see docs/bench.md
 	@tools/setup run build bench
-	@$(PYTHON) tools/bench.py $(RUN_BENCH)
-	@$(if $(CASES)$(BEFORE),:,$(PYTHON) tools/bench_stream.py)
-	@$(if $(CASES)$(BEFORE),:,$(PYTHON) tools/bench_loss.py)
-	@$(if $(CASES)$(BEFORE),:,$(PYTHON) tools/bench_replay.py)
-	@$(if $(CASES)$(BEFORE),:,$(PYTHON) tools/bench_stereo.py)
-	@$(if $(CASES)$(BEFORE),:,$(PYTHON) tools/bench_view.py)
-	@$(if $(CASES)$(BEFORE),:,$(PYTHON) tools/bench_catalog.py)
+	@tools/bench store $(RUN_BENCH)
+	@$(if $(CASES)$(BEFORE),:,tools/bench stream)
+	@$(if $(CASES)$(BEFORE),:,tools/bench loss)
+	@$(if $(CASES)$(BEFORE),:,tools/bench replay)
+	@$(if $(CASES)$(BEFORE),:,tools/bench stereo)
+	@$(if $(CASES)$(BEFORE),:,tools/bench view)
+	@$(if $(CASES)$(BEFORE),:,tools/bench catalog)
 # Only words of the command line count: a HOSTNAME or DEV that happens to be in the environment must not.
 FLASH_WORDS = BOARD DEV IMAGE YES FILE SSH_KEY HOSTNAME NETWORK CONSOLE SERIAL
 TYPED = $(foreach word,$(FLASH_WORDS),$(if $(findstring command,$(origin $(word))),$(word)='$($(word))'))

@@ -1,6 +1,6 @@
 /* SPDX-License-Identifier: GPL-2.0-or-later */
 /*
- * Writes and reads values for tools/bench_catalog.py: through the store and the catalog, or by Cyclone DDS alone, with
+ * Writes and reads values for bench/catalog.py: through the store and the catalog, or by Cyclone DDS alone, with
  * the catalog's own settings of it.
  *   catalog write store|dds NAME HZ       a value of 142 bytes HZ times a second
  *   catalog frames dds TOPIC HZ           an Image of CIF, rgb8

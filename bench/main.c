@@ -1,6 +1,6 @@
 /* SPDX-License-Identifier: GPL-2.0-or-later */
 /*
- * One writer or one reader of a measurement: `bench-PEER key=value...`, started by tools/bench.py. Says "ready", waits
+ * One writer or one reader of a measurement: `bench-PEER key=value...`, started by bench/store.py. Says "ready", waits
  * for a line, measures, prints its findings as one line of JSON, and waits for the end of its input before it leaves.
  *
  * Each page of a frame begins with its mark: the frame's number and the page's. The writer writes every mark, the

@@ -79,8 +79,8 @@ def phrases(name: str, text: str) -> Iterator[str]:
 
 def types_fit() -> bool:
     """Whether mypy has no complaint. It keeps what it read for all clones: relative names are the same in each."""
-    python = [TOP / "tools", TOP / "package/ddx/python", TOP / "package/ddxvideo/stereo", TOP / "examples",
-              *sorted((TOP / "tests").glob("*"))]
+    python = [TOP / "tools", TOP / "package/ddx/python", TOP / "package/ddxvideo/stereo", TOP / "bench",
+              TOP / "examples", *sorted((TOP / "tests").glob("*"))]
     folders = [path.relative_to(TOP) for path in python if list(path.glob("*.py"))]
     mypy = ["/usr/bin/python3", "-m", "mypy", "--strict", "--no-error-summary", f"--cache-dir={HOST_CACHE / 'mypy'}"]
     with alone("lint", HOST_CACHE / "mypy.lock"):

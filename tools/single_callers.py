@@ -4,7 +4,7 @@
 fewer than 500 lines. single_callers.py [FOLDER below package/]
 
 A module is a source file, a header, or both with one name in one folder. It has a unit test if a file of tests/ or
-bench/ includes its header, or if a meson.build has its source in a test.
+bench/ includes its header, or if tests/meson.build has its source in a test.
 """
 import collections
 import pathlib
@@ -14,6 +14,7 @@ import sys
 from parts.common import TOP, say
 
 LIMIT = 500  # lines
+WHOLE = {"encoder", "lib_sources", "store_parts", "store_shared"}  # all of a library or program
 Module = tuple[pathlib.Path, str]  # folder and name
 
 
@@ -25,9 +26,12 @@ def tested(top: pathlib.Path) -> set[str]:
     """Names of modules that tests and benchmarks use directly."""
     names = {name for folder in ("tests", "bench") for path in (top / folder).rglob("*.[ch]")
              for name in included(path)}
-    for path in top.glob("package/**/meson.build"):
-        products, tests, after = path.read_text().partition("get_option('tests')")
-        names |= set(re.findall(r"(\w+)\.c'", after if tests else products if path.parent.name == "tests" else ""))
+    tests = (top / "tests/meson.build").read_text()
+    names |= set(re.findall(r"(\w+)\.c'", tests))
+    for path in top.glob("package/**/meson.build"):  # lists of a few sources that a test has
+        for listed, sources in re.findall(r"^(\w+) = files\((.*?)\)", path.read_text(), re.MULTILINE | re.DOTALL):
+            if f"'{listed}'" in tests and listed not in WHOLE:
+                names |= set(re.findall(r"(\w+)\.c'", sources))
     return names
 
 

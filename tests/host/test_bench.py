@@ -15,14 +15,12 @@ from typing import Any
 
 import pytest
 
-import bench
-import bench_loss
-from parts.bench import plot as bench_plot
-from parts.bench.loss_chromium import Chromium
-from parts.bench.loss_figures import with_inferred
-from parts.bench.loss_peers import OURS
-from parts.bench.loss_run import Case as LossCase
-from parts.bench.measure import Case, Slice, Store, cpus, percentile, run_slice
+from bench import loss, plot, store as bench
+from bench.loss_chromium import Chromium
+from bench.loss_figures import with_inferred
+from bench.loss_peers import OURS
+from bench.loss_run import Case as LossCase
+from bench.measure import Case, Slice, Store, cpus, percentile, run_slice
 from parts.common import MORTAL, TOP
 
 pytestmark = pytest.mark.retry
@@ -107,23 +105,22 @@ def test_report_and_picture(measured: Run, tmp_path: pathlib.Path) -> None:
     result: dict[str, Any] = {"machine": bench.machine(), "rounds": 1, **bench.report([CASE], slices)}
     assert [one["peer"] for one in result["cases"]] == ["ddx", "futex"]
     assert result["cases"][1]["ddx_ratio"]["p50"] > 0
-    page = bench_plot.page(result)
+    page = plot.page(result)
     assert page.count("<rect") == 6 and "src=" not in page and "href=" not in page
 
 
-@pytest.mark.parametrize("words", [("bench.py", "-rounds", "1", "-cases", "cif-1x1-zero,direct"), ("bench_stream.py",),
-                                   ("bench_replay.py",), ("bench_loss.py",), ("bench_stereo.py",),
-                                   ("bench_view.py",), ("bench_catalog.py",)], ids=lambda words: str(words[0]))
+@pytest.mark.parametrize("words", [("store", "-rounds", "1", "-cases", "cif-1x1-zero,direct"), ("stream",), ("replay",),
+                                   ("loss",), ("stereo",), ("view",), ("catalog",)], ids=lambda words: str(words[0]))
 def test_each_benchmark_runs(words: tuple[str, ...]) -> None:
     """A short `make bench`: options and output still fit the programs. Figures are not judged."""
-    done = subprocess.run([*MORTAL, sys.executable, "-B", TOP / "tools" / words[0], *words[1:], "-short"], timeout=120,
+    done = subprocess.run([*MORTAL, TOP / "tools/bench", *words, "-short"], timeout=120,
                           stdin=subprocess.DEVNULL, capture_output=True, text=True)
     assert done.returncode == 0, done.stdout[-2000:] + done.stderr[-2000:]
-    found = {"bench.py": r"cif-1x1-zerocopy +ddx ", "bench_stream.py": r"h264 (.|\n)*mpeg4 (.|\n)*SRTP \d",
-             "bench_replay.py": r"replay: [1-9]\d* values", "bench_loss.py": r"clean, short, .* shown [1-9]",
-             "bench_stereo.py": r"368x248, 48 disparities, SGBM: ",
-             "bench_view.py": r"forward .*\n.*back .*\n.* start (.|\n)*frame: [1-9]",
-             "bench_catalog.py": r"first .*\nmirror .* ratio \d.*\nclock .*\d"}[words[0]]
+    found = {"store": r"cif-1x1-zerocopy +ddx ", "stream": r"h264 (.|\n)*mpeg4 (.|\n)*SRTP \d",
+             "replay": r"replay: [1-9]\d* values", "loss": r"clean, short, .* shown [1-9]",
+             "stereo": r"368x248, 48 disparities, SGBM: ",
+             "view": r"forward .*\n.*back .*\n.* start (.|\n)*frame: [1-9]",
+             "catalog": r"first .*\nmirror .* ratio \d.*\nclock .*\d"}[words[0]]
     assert re.search(found, done.stdout), done.stdout
 
 
@@ -131,7 +128,7 @@ def test_a_peer_that_is_not_installed_is_reported_and_left_out(monkeypatch: pyte
                                                   capsys: pytest.CaptureFixture[str]) -> None:
     monkeypatch.setattr(Chromium, "program", "no-such-browser")
     cases = [LossCase(name, "iid 30", "real") for name in (OURS, Chromium.name)]
-    assert bench_loss.available(cases) == cases[:1]
+    assert loss.available(cases) == cases[:1]
     assert capsys.readouterr().out.count("no-such-browser is not installed") == 1
 
 

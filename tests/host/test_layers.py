@@ -14,7 +14,7 @@ pytestmark = pytest.mark.retry
 PARTS = TOP / "tools/parts"
 # Lowest first; modules in one line do not use each other.
 LAYERS = [{"common"}, {"defects", "processes", "trees"}, {"image", "disk", "link"}, {"media"}, {"guest"},
-          {"bench", "flash", "release", "testing"}]
+          {"flash", "release", "testing"}]
 
 
 def topic(path: pathlib.Path) -> str:

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-2.0-or-later
-"""The counting of tools/bench_record.py finds frames removed anywhere from a good recording."""
+"""The counting of bench/record.py finds frames removed anywhere from a good recording."""
 from __future__ import annotations
 
 import pytest

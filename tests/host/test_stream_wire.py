@@ -9,7 +9,7 @@ import subprocess
 import numpy
 import pytest
 
-from bench_stream import ENCODE
+from bench.stream import ENCODE
 from parts.media.footage import footage
 
 from .programs import ffmpeg, pictures, result, wait_until

@@ -8,7 +8,7 @@
  */
 #include "repair_sim.h"
 
-#define VIDEO 130000 /* bit/s at most, as in tools/bench_loss.py */
+#define VIDEO 130000 /* bit/s at most, as in bench/loss.py */
 
 #ifndef SEEDS
 #define SEEDS 4

@@ -24,7 +24,7 @@
 #define WAVE 22          /* frames that renew the picture, column by column */
 #define WAVES 100        /* frames from one renewal to the next */
 #define LEVEL 25         /* frames */
-#define LEAST_LEVEL 0.48 /* of the limit; the real clip of tools/bench_loss.py is 3 dB worse then (docs/bench.md) */
+#define LEAST_LEVEL 0.48 /* of the limit; the real clip of bench/loss.py is 3 dB worse then (docs/bench.md) */
 
 static struct frame {
     int64_t written;

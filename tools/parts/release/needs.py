@@ -67,6 +67,7 @@ def targets() -> list[Target]:
         if words == "run":
             setups.append(["run"])  # which the tool installs itself: for_run() of tools/build.py
         tools = {TOP / name for line in lines for name in re.findall(r"tools/\w+\.py", line)}
+        tools |= {TOP / f"bench/{name}.py" for line in lines for name in re.findall(r"tools/bench (\w+)", line)}
         found.append(Target(words, frozenset({"", *(part for parts in setups for part in parts)}), frozenset(tools)))
     return found
 
@@ -89,15 +90,15 @@ def imports(path: pathlib.Path) -> Iterator[str]:
 
 @functools.cache
 def reached(tool: pathlib.Path) -> set[pathlib.Path]:
-    """The tool and the modules of tools/ that it imports, directly or not."""
+    """The tool and the modules of tools/ and bench/ that it imports, directly or not."""
     found, wanted = set(), [tool]
     while wanted:
         path = wanted.pop()
         if path in found:
             continue
         found.add(path)
-        wanted += [file for name in imports(path)
-                   if (file := TOOLS / (name.replace(".", "/") + ".py")).is_file()]
+        wanted += [file for name in imports(path) for top in (TOOLS, TOP)
+                   if (file := top / (name.replace(".", "/") + ".py")).is_file()]
     return found
 
 
@@ -105,7 +106,7 @@ def reached(tool: pathlib.Path) -> set[pathlib.Path]:
 def foreign_modules(path: pathlib.Path) -> set[str]:
     """The imported modules that are neither ours nor Python's own."""
     tops = {name.split(".")[0] for name in imports(path)}
-    ours = {"parts", "ddx", "ddxvideo", "lib", "tests"} | {one.stem for one in TOOLS.glob("*.py")}
+    ours = {"parts", "bench", "ddx", "ddxvideo", "lib", "tests"} | {one.stem for one in TOOLS.glob("*.py")}
     return {name for name in tops if name not in sys.stdlib_module_names and name not in ours}
 
 

@@ -1,8 +1,7 @@
-#!/usr/bin/python3
 # SPDX-License-Identifier: GPL-2.0-or-later
 """make bench: how late are the values of a replay? See docs/logging.md.
 
-bench_replay.py [-seconds N] [-short]: three items are written and logged, then replayed; a reader compares the clock
+tools/bench replay [-seconds N] [-short]: three items are written and logged, then replayed; a reader compares the clock
 with the time at which each value was due. Writes output/bench/replay.json; fails if a value is not in the log, or one
 in a hundred is a millisecond late. -short: half a second, for the gate; writes no file and judges nothing.
 """
@@ -12,8 +11,8 @@ import pathlib
 import sys
 import time
 
-from parts.bench.measure import percentile, save
-from parts.bench.programs import Programs
+from bench.measure import percentile, save
+from bench.programs import Programs
 from parts.common import TOP, Failed, command_line, finish, run, say, scratch, wait_until
 from parts.image import native
 
@@ -95,8 +94,8 @@ def main() -> int:
         root = native.build()
         with scratch() as folder:
             environment = {**os.environ, **native.environment(root), "DDX_DIR": str(folder),
-                           "PYTHONPATH": str(TOP / "package/ddx/python")}
-            return os.spawnve(os.P_WAIT, sys.executable, [sys.executable, *sys.argv], environment)
+                           "PYTHONPATH": f"{TOP}/package/ddx/python:{TOP}/tools:{TOP}"}
+            return os.spawnve(os.P_WAIT, sys.executable, sys.orig_argv, environment)
     seconds = SHORT if arguments.short else arguments.seconds
     with Programs(pathlib.Path(os.environ["DDX_DIR"])) as programs:
         late = replay(programs, record(programs, seconds))

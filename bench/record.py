@@ -1,8 +1,7 @@
-#!/usr/bin/python3
 # SPDX-License-Identifier: GPL-2.0-or-later
 """make test-long T=bench-record: are frames lost on slow and frozen disks? See docs/recording.md.
 
-bench_record.py [-duration S] [-cases WORD,...]: in each case, a guest (1080p: the image's programs on this machine's
+tools/bench record [-duration S] [-cases WORD,...]: in each case, a guest (1080p: the image's programs on this machine's
 kernel) records onto its own disk; pictures, index and counters must agree. -duration: of the longest case. -cases: only
 cases whose name has one of the words. Writes record.svg and, after each case, output/bench/record.jsonl: a stopped run
 continues there, a run with another image starts over.
@@ -19,7 +18,7 @@ from typing import Any
 import numpy
 
 import build
-from parts.bench import record_plot as bench_record_plot
+from bench import record_plot as bench_record_plot
 from parts.common import MEMORY, OUTPUT, Failed, command_line, finish, say, scratch
 from parts.guest import disk_session, machine, qemu, session, testdisk
 from parts.guest.channel import Timeout

@@ -5,9 +5,9 @@ import json
 import pathlib
 import time
 
-from parts.bench.browser import PROGRAM, Browser
-from parts.bench.clips import HEIGHT, WIDTH
-from parts.bench.loss_peers import Peer, Shown
+from bench.browser import PROGRAM, Browser
+from bench.clips import HEIGHT, WIDTH
+from bench.loss_peers import Peer, Shown
 from parts.common import wait_until
 from parts.link.link import Link, Node
 from parts.media.clip import frame_number

@@ -5,10 +5,10 @@ import html
 import subprocess
 from typing import Any, NamedTuple
 
-from parts.bench.clips import SIZE
-from parts.bench.loss_figures import Picture, mean, psnr
-from parts.bench.loss_peers import Peer
-from parts.bench.loss_run import CLEAN, COLUMNS
+from bench.clips import SIZE
+from bench.loss_figures import Picture, mean, psnr
+from bench.loss_peers import Peer
+from bench.loss_run import CLEAN, COLUMNS
 from parts.common import MORTAL, say
 
 Rows = list[dict[str, Any]]

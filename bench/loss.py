@@ -1,8 +1,7 @@
-#!/usr/bin/python3
 # SPDX-License-Identifier: GPL-2.0-or-later
 """make bench: usable frames of a stream over a lossy link, compared with other ways to send video.
 
-bench_loss.py [-seeds N] [-cases WORD+WORD,...] [-sender WORDS] [-receiver WORDS] [-short]
+tools/bench loss [-seeds N] [-cases WORD+WORD,...] [-sender WORDS] [-receiver WORDS] [-short]
 
 A case plays 60 s of a numbered clip (real, moving, drawn) from a robot to an operator, in network namespaces with a
 relay between them that loses packets from the first one on; frames count from the third second on. The two directions
@@ -17,14 +16,14 @@ import shutil
 import subprocess
 from collections.abc import Iterator
 
-from parts.bench import loss_page
-from parts.bench.clips import RATE, numbered
-from parts.bench.loss_chromium import Chromium
-from parts.bench.loss_figures import WORSE
-from parts.bench.loss_gstreamer import BlockCode, Fec, Retransmission
-from parts.bench.loss_peers import OURS, Ours, Peer, Rist, Srt, Srt120
-from parts.bench.loss_run import COLUMNS, SECONDS, Case, Maker, Plan, Take, judge, take
-from parts.bench.measure import save
+from bench import loss_page
+from bench.clips import RATE, numbered
+from bench.loss_chromium import Chromium
+from bench.loss_figures import WORSE
+from bench.loss_gstreamer import BlockCode, Fec, Retransmission
+from bench.loss_peers import OURS, Ours, Peer, Rist, Srt, Srt120
+from bench.loss_run import COLUMNS, SECONDS, Case, Maker, Plan, Take, judge, take
+from bench.measure import save
 from parts.common import BadInput, Failed, command_line, finish, say, scratch
 from parts.image import native
 from parts.link.link import Link

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-2.0-or-later
-"""Count packets that contain these bytes, on all interfaces of the network namespace: python -m parts.bench.sniff HEX.
+"""Count packets that contain these bytes, on all interfaces of the network namespace: python -m bench.sniff HEX.
 Prints "ready", and answers each line of standard input with the count so far."""
 import select
 import socket

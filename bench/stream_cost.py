@@ -9,7 +9,7 @@ import subprocess
 import time
 from collections.abc import Sequence
 
-from parts.bench.programs import Programs, cpu_seconds
+from bench.programs import Programs, cpu_seconds
 from parts.common import Failed, wait_until
 from parts.link.link import Link
 from parts.link.loss import Iid

@@ -4,8 +4,8 @@ import shlex
 import subprocess
 import sys
 
-from parts.bench.clips import HEIGHT, PICTURE, RATE, WIDTH
-from parts.bench.loss_peers import PORT, Peer, Piped
+from bench.clips import HEIGHT, PICTURE, RATE, WIDTH
+from bench.loss_peers import PORT, Peer, Piped
 from parts.link.link import Node
 
 MEDIA, EXTRA = 96, 97  # payload types
@@ -69,12 +69,12 @@ class Fec(GStreamer):
 
 
 class BlockCode(GStreamer):
-    """WFB-ng's code: four repair packets for eight packets, python3-zfec (parts/bench/block_code.py)."""
+    """WFB-ng's code: four repair packets for eight packets, python3-zfec (bench/block_code.py)."""
     name, reports, video_kbit, deadline_ms = "block code 8/12", False, 105, Peer.deadline_ms
     LOCAL = 9000
 
     def _code(self, node: Node, role: str, source: int, address: str, port: int) -> None:
-        self.start(node, [sys.executable, "-B", "-m", "parts.bench.block_code", role, str(source), address, str(port)],
+        self.start(node, [sys.executable, "-B", "-m", "bench.block_code", role, str(source), address, str(port)],
                    f"code-{role}", subprocess.DEVNULL, subprocess.DEVNULL)
 
     def receive(self) -> None:

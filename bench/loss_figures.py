@@ -15,9 +15,9 @@ from collections.abc import Sequence
 import numpy
 from numpy.typing import NDArray
 
-from parts.bench.clips import PICTURE, Pictures
-from parts.bench.loss_peers import Shown
-from parts.bench.measure import percentile
+from bench.clips import PICTURE, Pictures
+from bench.loss_peers import Shown
+from bench.measure import percentile
 
 WORSE = 3.0  # dB
 MS = 1e6  # ns

@@ -1,8 +1,7 @@
-#!/usr/bin/python3
 # SPDX-License-Identifier: GPL-2.0-or-later
 """make bench: cost and latency of the catalog, compared with Cyclone DDS alone. See docs/bench.md.
 
-bench_catalog.py [-rows WORD,...] [-short]: four machines, each in its own network namespace, on the link of
+tools/bench catalog [-rows WORD,...] [-short]: four machines, each in its own network namespace, on the link of
 tools/parts/link. Prints a table with the goals and writes output/bench/catalog.json. -rows: only rows whose name has
 one of the words. -short: a few values of some rows, for the gate; writes no file and judges nothing.
 """
@@ -15,8 +14,8 @@ import time
 from collections.abc import Callable, Iterator
 from typing import Any
 
-from parts.bench.catalog_machine import Machine, Reader, percent_while
-from parts.bench.measure import percentile, save
+from bench.catalog_machine import Machine, Reader, percent_while
+from bench.measure import percentile, save
 from parts.common import MORTAL, OUTPUT, TOP, Closing, Failed, command_line, finish, run, say, scratch, wait_until
 from parts.image import native, peers
 from parts.link.link import Link

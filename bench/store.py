@@ -1,8 +1,7 @@
-#!/usr/bin/python3
 # SPDX-License-Identifier: GPL-2.0-or-later
 """make bench: compare the store with other ways to pass frames, in one run.
 
-bench.py [-rounds N] [-cases WORD,...] [-before COMMIT] [-short]
+tools/bench store [-rounds N] [-cases WORD,...] [-before COMMIT] [-short]
 
 A round runs a slice of each peer in each case; the order changes from round to round, so that other load on the machine
 affects all peers alike. docs/bench.md describes the figures. -cases: only cases whose name has one of the words.
@@ -19,8 +18,8 @@ import subprocess
 import sys
 from typing import Any
 
-from parts.bench import plot as bench_plot
-from parts.bench.measure import BEFORE, BUILD, Case, Slice, Store, cases, cpus, percentile, place, run_slice, save
+from bench import plot as bench_plot
+from bench.measure import BEFORE, BUILD, Case, Slice, Store, cases, cpus, percentile, place, run_slice, save
 from parts.common import OUTPUT, TOP, Failed, command_line, run, say, scratch
 from parts.image import cargo, native
 
@@ -152,7 +151,7 @@ def own_network() -> None:
     """Move to an own network namespace: LCM's UDP multicast stays there, and no route of the machine changes."""
     if not os.environ.get(INSIDE):
         unshare = ["unshare", "--net"] if os.geteuid() == 0 else ["unshare", "--net", "--map-root-user"]
-        os.execvpe(unshare[0], [*unshare, sys.executable, "-B", *sys.argv], {**os.environ, INSIDE: "1"})
+        os.execvpe(unshare[0], [*unshare, *sys.orig_argv], {**os.environ, INSIDE: "1"})
     for words in ("link set lo up multicast on", "route add 224.0.0.0/4 dev lo"):
         run(["ip", *words.split()])
 

@@ -1,10 +1,9 @@
-#!/usr/bin/python3
 # SPDX-License-Identifier: GPL-2.0-or-later
 """make bench: the viewer compared with mpv, ffplay and sws_scale(). See docs/screens.md.
 
-bench_view.py [-steps N] [-starts N] [-short]: presses keys under an X server without a monitor and watches one pixel.
-Measures the time from a key to the picture, for steps forward and back in a 1080p Y4M file, beside mpv; from the start
-to the first picture of a CIF clip, beside ffplay; and CPU time for a frame, beside sws_scale() alone. Writes
+tools/bench view [-steps N] [-starts N] [-short]: presses keys under an X server without a monitor and watches one
+pixel. Measures the time from a key to the picture, for steps forward and back in a 1080p Y4M file, beside mpv; from
+the start to the first picture of a CIF clip, beside ffplay; and CPU time for a frame, beside sws_scale() alone. Writes
 output/bench/view.json. -short: a few steps, without mpv and ffplay, for the gate; writes no file.
 """
 import argparse
@@ -17,7 +16,7 @@ import subprocess
 import time
 from typing import Any
 
-from parts.bench.measure import percentile, save
+from bench.measure import percentile, save
 from parts.common import MEMORY, MORTAL, OUTPUT, Failed, command_line, finish, run, say, scratch
 from parts.image import native
 from parts.media.display import Display
@@ -187,4 +186,4 @@ def main() -> int:
 
 
 if __name__ == "__main__":
-    finish("bench_view", main)
+    finish("bench", main)

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-2.0-or-later
-"""The block code of WFB-ng, a process: python -m parts.bench.block_code send|receive FROM ADDRESS PORT
+"""The block code of WFB-ng, a process: python -m bench.block_code send|receive FROM ADDRESS PORT
 
 Eight packets to port FROM of this host make a block: each is forwarded at once, followed by four repair packets after
 the eighth. `receive` forwards packets in order, those after a gap when their block or a newer block is complete.

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-2.0-or-later
-"""The picture and the table of tools/bench_record.py: longest stall and frames lost, naive and ours side by side."""
+"""The picture and the table of bench/record.py: longest stall and frames lost, naive and ours side by side."""
 from typing import Any
 
 from parts.common import say

@@ -1,12 +1,12 @@
-#!/usr/bin/python3
 # SPDX-License-Identifier: GPL-2.0-or-later
 """make bench: latency of the stream, from a ready frame to its decoded pixels, and the sender's CPU time.
 
-bench_stream.py [-rounds N] [-short]: in its own network namespace. Prints a table and writes output/bench/stream.json.
-A round plays 15 s of the real clip at CIF 25 with each codec, then runs the sender's encoder alone (bench/encode.c) for
-as long; then two senders, one with repair, reports and SRTP and one without, and the encoder, all at the same time,
-over a link that loses 30 % of the packets. The figures come from the numbers in the pictures, the store's times and the
-kernel's CPU accounting, not from the programs. -short: a second of a generated clip, for the gate; writes no file.
+tools/bench stream [-rounds N] [-short]: in its own network namespace. Prints a table and writes
+output/bench/stream.json. A round plays 15 s of the real clip at CIF 25 with each codec, then runs the sender's encoder
+alone (bench/encode.c) for as long; then two senders, one with repair, reports and SRTP and one without, and the
+encoder, all at the same time, over a link that loses 30 % of the packets. The figures come from the numbers in the
+pictures, the store's times and the kernel's CPU accounting, not from the programs. -short: a second of a generated
+clip, for the gate; writes no file.
 """
 import dataclasses
 import os
@@ -16,10 +16,10 @@ import subprocess
 import time
 from typing import Any
 
-from parts.bench.clips import RATE, numbered
-from parts.bench.measure import cpus, percentile, save
-from parts.bench.programs import Programs
-from parts.bench.stream_cost import percents, protection
+from bench.clips import RATE, numbered
+from bench.measure import cpus, percentile, save
+from bench.programs import Programs
+from bench.stream_cost import percents, protection
 from parts.common import MORTAL, OUTPUT, Failed, command_line, finish, say, scratch, wait_until
 from parts.image import native
 from parts.media import clip as made_up
@@ -136,7 +136,7 @@ def measure(rounds: int, plan: Plan) -> dict[str, Any]:
 
 def main() -> int:
     options = command_line(__doc__, rounds=2, short=False)
-    from bench import own_network
+    from bench.store import own_network
     if not os.environ.get("DDX_BENCH_INSIDE"):
         native.build()
         if not options.short:

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-2.0-or-later
-"""Watch a CIF item: python -m parts.bench.watch ITEM [FILE]. On SIGTERM it prints a JSON list of [number in the
+"""Watch a CIF item: python -m bench.watch ITEM [FILE]. On SIGTERM it prints a JSON list of [number in the
 picture, ns of the write]. FILE gets each picture, as Y, U and V planes, in the same order."""
 import contextlib
 import json

@@ -9,9 +9,9 @@ import time
 from collections.abc import Callable
 from typing import Any
 
-from parts.bench.clips import pictures
-from parts.bench.loss_figures import View, figures, mean, usable_at
-from parts.bench.loss_peers import Peer
+from bench.clips import pictures
+from bench.loss_figures import View, figures, mean, usable_at
+from bench.loss_peers import Peer
 from parts.common import scratch
 from parts.link.link import Link, Way
 from parts.link.loss import ALL, NOTHING, Bursts, EveryThird, Iid, Outages, Pattern

@@ -12,8 +12,8 @@ from collections.abc import Callable, Sequence
 
 import numpy
 
-from parts.bench.clips import HEIGHT, PICTURE, RATE, SIZE, WIDTH, Pictures, pictures
-from parts.bench.programs import Programs, Watcher
+from bench.clips import HEIGHT, PICTURE, RATE, SIZE, WIDTH, Pictures, pictures
+from bench.programs import Programs, Watcher
 from parts.common import MORTAL, TOP, Closing, wait_until
 from parts.link.link import Link, Node
 from parts.media.clip import frame_number
@@ -132,7 +132,7 @@ class Piped(Peer):
     def start(self, node: Node, words: Sequence[str], name: str, stdin: int, stdout: int) -> subprocess.Popen[bytes]:
         with open(self.folder / f"errors-{name}", "w") as errors:
             process = subprocess.Popen([*MORTAL, *node.inside, *words], stdin=stdin, stdout=stdout, stderr=errors,
-                                       cwd=TOP / "tools")
+                                       cwd=TOP)
         self.running.append(process)
         return process
 

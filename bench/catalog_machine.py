@@ -9,7 +9,7 @@ import time
 from collections.abc import Callable
 from typing import Any
 
-from parts.bench.programs import Programs, cpu_seconds
+from bench.programs import Programs, cpu_seconds
 from parts.common import MORTAL, OUTPUT, TOP, Command, output, wait_until
 from parts.link.link import Node
 from parts.processes import Client, kill
@@ -74,8 +74,8 @@ class Machine(Programs):
         return reader
 
     def sniffer(self, mark: bytes) -> Client:
-        command = [*MORTAL, *self.inside, sys.executable, "-B", "-m", "parts.bench.sniff", mark.hex()]
-        client = Client(command, cwd=TOP / "tools")
+        command = [*MORTAL, *self.inside, sys.executable, "-B", "-m", "bench.sniff", mark.hex()]
+        client = Client(command, cwd=TOP)
         self.clients.append(client)
         client.line()
         return client

@@ -34,9 +34,9 @@ class Programs(Closing):
         return process
 
     def watch(self, item: str, pictures: pathlib.Path | None = None) -> Watcher:
-        command = [*MORTAL, sys.executable, "-B", "-m", "parts.bench.watch", item]
+        command = [*MORTAL, sys.executable, "-B", "-m", "bench.watch", item]
         command += [str(pictures)] if pictures else []
-        environment = {**self.environment, "PYTHONPATH": f"{TOP}/package/ddx/python:{TOP}/tools"}
+        environment = {**self.environment, "PYTHONPATH": f"{TOP}/package/ddx/python:{TOP}/tools:{TOP}"}
         return Watcher(subprocess.Popen(command, env=environment, stdout=subprocess.PIPE, text=True))
 
     def _counters(self, instance: str) -> list[dict[str, int]]:
@@ -58,7 +58,7 @@ class Programs(Closing):
 
 
 class Watcher:
-    """Reads the number in each picture of an item, see parts/bench/watch.py."""
+    """Reads the number in each picture of an item, see bench/watch.py."""
 
     def __init__(self, process: subprocess.Popen[str]) -> None:
         self.process = process

@@ -1,9 +1,8 @@
-#!/usr/bin/python3
 # SPDX-License-Identifier: GPL-2.0-or-later
 """make bench: the stereo matcher beside OpenCV's, on pairs with known disparities. See docs/bench.md.
 
-bench_stereo.py [-rounds N] [-short]: CPU time of one thread. A round runs each matcher on each pair, in a random order;
-`ratio` is the median over the rounds of ours / SGBM. -short: one round of the smallest pair, for the gate.
+tools/bench stereo [-rounds N] [-short]: CPU time of one thread. A round runs each matcher on each pair, in a random
+order; `ratio` is the median over the rounds of ours / SGBM. -short: one round of the smallest pair, for the gate.
 """
 import ctypes
 import importlib
@@ -16,7 +15,7 @@ from typing import Any
 import numpy
 from numpy.typing import NDArray
 
-from parts.bench.measure import save
+from bench.measure import save
 from parts.common import OUTPUT, TOP, Failed, command_line, finish, run, say
 from parts.media import stereo_pairs
 from parts.media.stereo_pairs import Grey, Map, Pair
