@@ -100,6 +100,11 @@ def test_a_call_s_page_shows_the_text_of_its_header(pages: pathlib.Path) -> None
     assert "int ddx_store_acquire(DDX_STORE_ITEM *item, struct ddx_frame *frame, double timeout, int tail);" in page
     assert "Hold a value without copying it: the value cannot change until ddx_store_release()." in page
     assert "uint64_t missed; /*" in page and "ddx.h(3)" in page
+    assert "RETURN VALUE 0, or a negative error number (-errno). ERRORS -EBUSY no memory left for another" in page
+    assert "-ETIMEDOUT nothing was written within the timeout" in page  # as ddx_store_read()
+    count = shown(pages, "man3/ddx_store_readers.3")
+    assert "RETURN VALUE Number of readers that the item of this writing handle has now. -EINVAL if" in count
+    assert "ERRORS" not in shown(pages, "man3/ddx_store_missed.3")
     assert shown(pages, "man3/ddx_store_item_type.3") == shown(pages, "man3/ddx_store_item_name.3")
     overview = shown(pages, "man3/ddx.h.3")
     assert "-EHOSTUNREACH the catalog has not heard from a machine of this name" in overview
@@ -109,12 +114,15 @@ def test_a_call_s_page_shows_the_text_of_its_header(pages: pathlib.Path) -> None
 
 HEADER = """/*
  * small: an example.
+ *   errors     int functions return 0, or -errno:
+ *                -ENOENT  there are none,
+ *                         at all
  */
 /* Count `things`:
  *   -EINVAL  too
  *            many
  * else the number. A line of
- * .dots and 'quotes', a \\\\ and "-x".
+ * .dots and 'quotes', a \\\\ and "-x". Returns the number, or -ENOENT.
  */
 int ddx_count(int things);
 
@@ -131,6 +139,10 @@ def test_comments_become_pages() -> None:
     assert set(found) == {"small.h", "ddx_count", "ddx_count_more"}
     assert found["ddx_count_more"] == ".so man3/ddx_count.3\n" and "The same for others." in found["ddx_count"]
     assert ".TP\n\\fB\\-EINVAL\\fR\ntoo many\n" in found["ddx_count"] and "\\e" in found["ddx_count"]
+    result, errors = found["ddx_count"].partition(".SH RETURN VALUE\n")[2].split(".SH ")[:2]
+    assert result == "Returns the number, or \\-ENOENT.\n"
+    assert errors.startswith("ERRORS\n.TP\n\\fB\\-EINVAL\\fR\ntoo many\n"
+                             ".TP\n\\fB\\-ENOENT\\fR\nthere are none, at all\n")
 
 
 def test_help_becomes_a_page() -> None:

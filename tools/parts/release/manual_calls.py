@@ -1,6 +1,8 @@
 # SPDX-License-Identifier: GPL-2.0-or-later
 """Manual pages for the calls of a public header, made from the header's comments."""
 import dataclasses
+import errno
+import os
 import re
 
 from parts.release.manual_page import body, entry, page, prototype, references, summary, verbatim
@@ -10,6 +12,13 @@ COMMENT = re.compile(r"/\*.*?\*/\n?", re.DOTALL)
 CALL = re.compile(r"^(?!typedef\b)\w[\w \t*]*?\b(\w+)\([^;{}]*\);", re.MULTILINE)
 MACRO = re.compile(r"^#define (\w+)(\([^)]*\))", re.MULTILINE)
 PRIVATE = re.compile(r"\w_\b[ (]")
+CODE = re.compile(r"(?:-|errno |(?<=[A-Z]) or )(E[A-Z0-9]+)\b")
+# An error with its meaning, in a list of a comment: the lines below it that are indented further continue it.
+MEANING = re.compile(r"^ *(?:errors +.*\n +)?-(E[A-Z0-9]+) {2,}(\S.*(?:\n {8,}[^-\s].*)*)", re.MULTILINE)
+# The errors of another call are errors of this one, too.
+ERRORS_OF = re.compile(r"(?:[Ee]rrors|[Ff]ails|else) as (ddx\w+)\(\)|those of\s+(ddx\w+)\(\)|one of\s+(ddx\w+)\(\)")
+RESULT = re.compile(r"\b[Rr]eturns\b|^(?:[01][,;:. ]|NULL |Otherwise |-E)")
+NAMES_RESULT = re.compile(r'Number|Whether|One |The |[01] |NULL |"|CLOCK_')
 NOISE = re.compile(r'^(?:#(?:ifn?def|endif|if|else|include|pragma) ?.*|#define \w+_H|extern "C" \{|\})$')
 
 
@@ -86,6 +95,60 @@ def about(item: Item) -> tuple[str, str]:
     return summary(item.comment), item.comment
 
 
+def kinds(item: Item) -> set[str]:
+    """The types that the calls of an item return."""
+    return {found[0][:found.start(1) - found.start()].strip() for found in CALL.finditer(item.code)} - {"void"}
+
+
+def can_fail(item: Item) -> bool:
+    """Whether ddx.h's rule for errors fits: the calls return a number or a pointer, and no other result is named."""
+    return any(kind == "int" or kind.endswith("*") for kind in kinds(item)) and not NAMES_RESULT.match(item.comment)
+
+
+def result_of(item: Item) -> str:
+    """What the calls of an item return: the sentences about it, or the first sentence where it names the result, else
+    the rule of ddx.h for all calls."""
+    if not kinds(item) or not item.comment:
+        return ""
+    without_list = re.sub(r":\n(?: {2,}\S.*\n)+", " (see ERRORS)\n", item.comment)
+    sentences = re.split(r"(?<=[.]) (?=[A-Z0-9`\"-])", " ".join(without_list.split()))
+    said = [one for one in sentences if RESULT.search(one)]
+    if any("eturns" in one for one in said):
+        return " ".join(said)
+    if not can_fail(item):
+        return " ".join(dict.fromkeys([sentences[0], *said]))
+    if said and not said[0].startswith("-E"):
+        return " ".join(said)
+    return "0, or a negative error number (-errno)." if "int" in kinds(item) else "NULL if it fails; `errno` is set."
+
+
+def errors_of(item: Item, by_name: dict[str, Item], seen: frozenset[str] = frozenset()) -> list[str]:
+    """The errors that a comment names, itself or as those of another call."""
+    codes = CODE.findall(item.comment)
+    for names in ERRORS_OF.findall(item.comment):
+        name: str = next(filter(None, names))
+        if name in by_name and name not in seen:
+            codes += errors_of(by_name[name], by_name, seen | {name})
+    return list(dict.fromkeys(codes))
+
+
+def meanings(all_items: list[Item]) -> dict[str, str]:
+    """The meaning of each error, as the introductions of the headers have it."""
+    return {code: " ".join(text.split()) for item in reversed(all_items) if not item.names
+            for code, text in MEANING.findall(item.comment)}
+
+
+def errors(item: Item, all_items: list[Item]) -> str:
+    known = {**meanings(all_items), **{code: " ".join(text.split()) for code, text in MEANING.findall(item.comment)}}
+    by_name = {name: one for one in all_items for name in one.names}
+    minus = "-" if "int" in kinds(item) else ""
+    found = "".join(entry(f"{minus}{code}", known.get(code, os.strerror(getattr(errno, code)).lower()))
+                    for code in sorted(errors_of(item, by_name)))
+    if not found and not can_fail(item):
+        return ""
+    return f"{found}.PP\nWhat each error means in any call:\n.BR ddx.h ({SECTION}).\n"
+
+
 def see_also(item: Item, text: str, known: set[str], header: str) -> str:
     others = sorted({*re.findall(r"\b(ddx\w+)\(\)", text)} & known - {*item.names})
     return references([*others, header], SECTION)
@@ -100,8 +163,8 @@ def call_page(item: Item, header: str, all_items: list[Item], known: set[str], r
         synopsis += verbatim(types)
     first = item.names[0]
     pages = {first: page(item.names, SECTION, short, [
-        ("SYNOPSIS", synopsis), ("DESCRIPTION", body(text)),
-        ("SEE ALSO", see_also(item, text, known, header))], release)}
+        ("SYNOPSIS", synopsis), ("DESCRIPTION", body(text)), ("RETURN VALUE", body(result_of(item))),
+        ("ERRORS", errors(item, all_items)), ("SEE ALSO", see_also(item, text, known, header))], release)}
     return pages | {name: f".so man{SECTION}/{first}.{SECTION}\n" for name in item.names[1:]}
 
 
