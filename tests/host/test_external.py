@@ -162,6 +162,9 @@ def spoil(mine: pathlib.Path, name: str, text: str) -> None:
     ("package/blink/programs.txt", ". S70blink blink\n",
      r"blink/programs.txt: '. S70blink blink': needed are folder, init script"),
     ("package/blink/programs.txt", ". S70blink blink 0 a lamp\n", "from 901 to 999"),
+    ("package/blink/programs.txt", ". S70blink root 950 a lamp\n", "the user root is in /etc/passwd already"),
+    ("package/blink/programs.txt", ". S70-rf blink 950 a lamp\n", "'. S70-rf blink 950 a lamp': needed are folder"),
+    ("package/blink/programs.txt", ". S70blink blink 95\u0660 a lamp\n", "from 901 to 999"),
     ("external.desc", "desc: no name\n", "external.desc has no line `name: NAME`"),
     ("external.desc", "name: DDXVIDEO\n", "mine has the name of")])
 def test_conflicts_between_trees_are_refused(mine: pathlib.Path, name: str, text: str, words: str) -> None:

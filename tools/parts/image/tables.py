@@ -8,7 +8,9 @@ from parts import trees
 from parts.common import BadInput, entries
 
 GROUP, GROUP_NUMBER = "ddx", 900
-LINE = re.compile(r"\S+\s+(S\d\d[\w-]+|-)\s+(?:([a-z][a-z0-9_-]*)\s+(9(?!00)\d\d)|-\s+-)\s+(\S[^:]*)")
+LINE = re.compile(r"\S+\s+(S\d\d\w[\w-]*|-)\s+(?:([a-z][a-z0-9_-]*)\s+(9(?!00)\d\d)|-\s+-)\s+(\S[^:]*)", re.ASCII)
+# Users of the base systems: a second line of that name would count as the first one, so a service would run as root.
+BASE = ["root", "daemon", "bin", "sys", "sync", "mail", "www-data", "operator", "nobody", "dbus", "sshd"]
 
 
 @dataclasses.dataclass(frozen=True)
@@ -42,7 +44,7 @@ def _lines(table: pathlib.Path) -> list[Program]:
 def programs() -> list[Program]:
     """All programs with their own user, by the users' numbers."""
     found = [one for table in tables() for one in _lines(table)]
-    taken: dict[tuple[str, str], pathlib.Path] = {}
+    taken = {("user", name): pathlib.Path("/etc/passwd") for name in BASE}
     for one in found:
         for kind, word in one.names():
             if (kind, word) in taken:
