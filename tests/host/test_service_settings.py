@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import functools
 import pathlib
+import shlex
 import subprocess
 from collections.abc import Iterator
 
@@ -200,6 +201,22 @@ def test_an_invalid_name_of_an_instance(appliance: Appliance) -> None:
         code, text = appliance.run(f"{THING} start '{name}'")
         assert (code, text) == (2, f"/usr/libexec/ddx/service: '{name}' is not a name for an instance of thing\n")
     assert list((appliance.root / "run/service").iterdir()) == []
+
+
+def test_add_takes_settings_only(appliance: Appliance) -> None:
+    """What `service` would ignore is refused, and nothing is left behind."""
+    appliance.install("package/ddxservice/control", "usr/libexec/ddx/control")
+    appliance.add("etc/init.d/S50thing", "")
+    appliance.add("usr/bin/thing", "#!/bin/sh\necho '  -instance NAME'\n")
+    assert appliance.run("mount -t tmpfs none /data && mkdir /data/ddx")[0] == 0
+    words = ["na me=x", "name=a\tb", "name=a\nuser=root", "name=\33[2J", "n.a=x", "user=root", "help=", "name", "=x"]
+    for word in words:
+        assert appliance.run(f"/usr/libexec/ddx/control add thing.a {shlex.quote(word)}") == (
+            2, f"ddxctl: '{word}' is not key=value, or no setting of an instance\n")
+    assert appliance.run("/usr/libexec/ddx/control add thing.a priority=99")[0] == 2
+    assert appliance.run(f"/usr/libexec/ddx/control add thing.{'a' * 249} name=x")[0] == 1
+    assert appliance.run("ls -A /data/ddx /run/service; ls -A /run")[1].split() == [
+        "/data/ddx:", "/run/service:", "log", "service", "settings"]
 
 
 def test_values_in_a_script_are_quoted(appliance: Appliance) -> None:
