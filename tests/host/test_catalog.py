@@ -143,6 +143,18 @@ def test_a_mirror_equals_its_origin_byte_for_byte(machines: tuple[Machine, Machi
         assert status == 0 and counters["in"] == counters["out"] == VALUES + 1 and lost(counters) == 0
 
 
+def test_a_picture_of_another_machine(begin: Begin, tmp_path: pathlib.Path) -> None:
+    """The store has no memory for the unused parts of its planes."""
+    clip = tmp_path / "clip.y4m"
+    clip.write_bytes(b"YUV4MPEG2 W64 H48 F25:1\nFRAME\n" + bytes(range(256)) * (64 * 48 * 3 // 2 // 256))
+    robot, laptop = begin("robot", "laptop", rules="item video\n")
+    assert robot.desk.run("ddxvideoload", clip).returncode == 0
+    wait_until(lambda: "robot:video" in [one["name"] for one in laptop.shown()["items"]])
+    shown = [json.loads(machine.desk.run("ddxctl", "show", name, "--json").stdout)["value"]
+             for machine, name in ((robot, "video"), (laptop, "robot:video"))]
+    assert shown[0] == shown[1] and shown[0]["width"] == 64
+
+
 def test_ddxctl_shows_machines_and_mirrors(machines: tuple[Machine, Machine]) -> None:
     robot, laptop = machines
     write(robot.start("write", "sensor"), 1)
