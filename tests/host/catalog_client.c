@@ -4,10 +4,12 @@
  *   catalog_client write ITEM         creates it; for each number N on standard input, writes N values, one a ms
  *   catalog_client read HOST ITEM     prints each value in hexadecimal; HOST "-": this machine
  *   catalog_client items COUNT        holds items i0, i1, ... with a value each until standard input is closed
+ *   catalog_client extents ITEM       writes values with another number of bytes each, until standard input is closed
  *   catalog_client visit HOST COUNT   reads the newest value of each of these, and prints their number
  */
 #include <ddx.h>
 #include <errno.h>
+#include <poll.h>
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
@@ -126,6 +128,35 @@ static int create_items(DDX_STORE_ID *id, int count) {
     return getchar() != EOF;
 }
 
+static int write_extents(DDX_STORE_ID *id, const char *name) {
+    struct pollfd end = {.fd = 0, .events = POLLIN};
+    struct ddx_extent extent = {.field = "byte"};
+    const struct ddx_item_spec spec = {.name = name,
+                                       .type = "BYTES",
+                                       .declaration = "struct { int count; char byte[1000]; int last; }",
+                                       .extents = &extent,
+                                       .extent_count = 1};
+
+    do {
+        DDX_STORE_ITEM *item;
+        void *data;
+
+        extent.bytes = extent.bytes % 9 + 1;
+        int error = ddx_store_create(id, &spec, &item);
+        if (!error)
+            error = ddx_store_loan(item, &data);
+        if (error)
+            return failed(name, error);
+        memset((char *)data + 4, 'x', extent.bytes);
+        *(int *)data = *(int *)((char *)data + 1004) = (int)extent.bytes;
+        ddx_store_publish(item, NULL);
+        pause_ms(40);
+        ddx_store_done_item(item);
+    } while (!poll(&end, 1, 0));
+    printf("%d\n", (int)extent.bytes);
+    return 0;
+}
+
 /* The items stay open until all have been read. */
 static int visit_items(DDX_STORE_ID *id, int count) {
     for (int i = 0; i < count; i++) {
@@ -157,6 +188,8 @@ int main(int argc, char **argv) {
         return failed("store", errno);
     if (!strcmp(argv[1], "items"))
         return create_items(id, atoi(argv[2]));
+    if (!strcmp(argv[1], "extents"))
+        return write_extents(id, argv[2]);
     if (!strcmp(argv[1], "visit"))
         return visit_items(id, atoi(argv[3]));
     return argc == 4 ? read_values(id, argv[3]) : write_values(id, argv[2]);

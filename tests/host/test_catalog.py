@@ -155,6 +155,27 @@ def test_a_picture_of_another_machine(begin: Begin, tmp_path: pathlib.Path) -> N
     assert shown[0] == shown[1] and shown[0]["width"] == 64
 
 
+@pytest.mark.strict
+def test_values_whose_layout_changes_are_whole(machines: tuple[Machine, Machine]) -> None:
+    """A reader may subscribe after a change that the catalog has not noticed yet."""
+    robot, laptop = machines
+    writer = robot.start("extents", "bytes")
+
+    def shown() -> dict[str, Any]:
+        done = laptop.desk.run("ddxctl", "show", "robot:bytes", "--json")
+        value = dict(json.loads(done.stdout)["value"]) if done.returncode == 0 else {}
+        assert not value or len(value["byte"]) == value["count"] == value["last"], value
+        return value
+
+    wait_until(lambda: "robot:bytes" in [one["name"] for one in laptop.shown()["items"]])
+    for _ in range(3):
+        shown()
+    assert writer.stdin and writer.stdout
+    writer.stdin.close()
+    last = int(writer.stdout.readline())
+    wait_until(lambda: shown().get("count") == last)
+
+
 def test_ddxctl_shows_machines_and_mirrors(machines: tuple[Machine, Machine]) -> None:
     robot, laptop = machines
     write(robot.start("write", "sensor"), 1)

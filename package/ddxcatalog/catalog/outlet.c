@@ -78,6 +78,6 @@ unsigned outlet_readers(const struct outlet *outlet) {
 }
 
 void outlet_look(struct outlet *outlet) {
-    if (outlet && outlet->sender && sender_ended(outlet->sender))
+    if (outlet && (outlet->sender ? sender_ended(outlet->sender) : outlet->readers > 0))
         follow_readers(outlet);
 }

@@ -19,7 +19,7 @@ void outlet_close(struct outlet *outlet);
 /* The number of readers now. NULL is allowed. */
 unsigned outlet_readers(const struct outlet *outlet);
 
-/* Clean up if the thread has exited by itself. NULL is allowed. */
+/* Start the thread again if it has exited by itself, or could not be started. NULL is allowed. */
 void outlet_look(struct outlet *outlet);
 
 #endif

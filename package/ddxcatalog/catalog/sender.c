@@ -191,6 +191,17 @@ static int start(struct sender *sender) {
     return error;
 }
 
+/* Whether the item still has the source's form: a reader may come before the next look at the items. */
+static bool fits(const struct sender *sender) {
+    struct form *form;
+
+    if (form_of_item(sender->item, &form))
+        return false;
+    bool same = form_same(form, sender->source.form);
+    form_free(form);
+    return same;
+}
+
 struct sender *sender_start(struct catalog *catalog, const struct sender_source *source, uint64_t *sent) {
     struct sender *sender = calloc(1, sizeof *sender);
 
@@ -205,6 +216,9 @@ struct sender *sender_start(struct catalog *catalog, const struct sender_source 
     int error = sender->item ? 0 : errno;
     if (!error) {
         sender->layout = ddx_store_layout(sender->item);
+        error = fits(sender) ? 0 : EPROTOTYPE;
+    }
+    if (!error) {
         sender->keep = source->rule->period ? 1 : keep_of(source->form);
         ddx_store_keep(sender->item, sender->keep);
         error = start(sender);
