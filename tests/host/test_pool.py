@@ -48,11 +48,14 @@ class Index:
     entries: list[tuple[int, ...]]
 
 
-def index_of(recording: pathlib.Path) -> Index:
+def index_file(recording: pathlib.Path) -> pathlib.Path:
     inode = recording.stat().st_ino
-    pool = recording.parent / "pool"
-    file = next(one for one in pool.glob("*.y4m") if one.stat().st_ino == inode)
-    data = file.with_suffix(".index").read_bytes()
+    file = next(one for one in (recording.parent / "pool").glob("*.y4m") if one.stat().st_ino == inode)
+    return file.with_suffix(".index")
+
+
+def index_of(recording: pathlib.Path) -> Index:
+    data = index_file(recording).read_bytes()
     magic, state, frames, _, size, _, _, store, ring, _, _, _, name, *_ = HEADER.unpack_from(data)
     assert magic == b"DDXINDX1" and len(data) == 1 << 20
     entries = [ENTRY.unpack_from(data, 4096 + position * ENTRY.size) for position in range(frames)]

@@ -11,7 +11,7 @@ import pytest
 from parts.media.crc32c import crc32c
 
 from .programs import Desk, start_recorder, stop
-from .test_pool import HEADER, index_of, recordings
+from .test_pool import HEADER, index_file, index_of, recordings
 from .test_recordings import flip, run
 
 pytestmark = pytest.mark.retry
@@ -77,9 +77,7 @@ def test_export_checks_the_first_line(desk: Desk, file: pathlib.Path, tmp_path: 
 
 def without_sum(file: pathlib.Path) -> None:
     """Change the index to the form of older recorders."""
-    inode = file.stat().st_ino
-    index = next(one for one in (file.parent / "pool").glob("*.y4m") if one.stat().st_ino == inode)
-    index = index.with_suffix(".index")
+    index = index_file(file)
     data = bytearray(index.read_bytes())
     fields = list(HEADER.unpack_from(data))
     assert fields[13] & HEAD
@@ -101,14 +99,12 @@ def test_an_index_of_an_older_recorder(desk: Desk, file: pathlib.Path) -> None:
 
 
 def test_a_damaged_index_or_magic_is_reported(desk: Desk, file: pathlib.Path) -> None:
-    inode = file.stat().st_ino
-    index = next(one for one in (file.parent / "pool").glob("*.y4m") if one.stat().st_ino == inode)
-    flip(index.with_suffix(".index"), 20)
+    flip(index_file(file), 20)
     assert "its index is damaged: no frame has its sum" in verify(desk)
     flip(file, 0)
     assert "its index is damaged: no frame has its sum" in verify(desk)
     flip(file, 0)
-    flip(index.with_suffix(".index"), 20)
+    flip(index_file(file), 20)
     assert verify(desk) == ""
     plain = file.with_name("video-000009-20261126T092122Z.y4m")  # of a recorder without a pool
     plain.write_bytes(b"X" + file.read_bytes()[1:])

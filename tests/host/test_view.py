@@ -16,17 +16,22 @@ import pytest
 
 from lib.seen import Seen
 from parts.media import clip as numbered
+from parts.media.crc32c import crc32c
 from parts.media.display import Display
 
 from .programs import Desk, pictures, result, stop, wait_until
+from .rtp_source import MPEG4, Source, encode
 from .stream import PORT, TO_RELAY, Stream
 from .test_layout import LAYOUTS
-from .test_pool import recordings, start
+from .test_pool import ENTRY, index_file, recordings, start
 from .test_python import MODULES
+from .test_recordings_bytes import file
 from .test_snap import rgb
 from .window import Window
 
 pytestmark = pytest.mark.strict
+
+__all__ = ["file"]  # the fixture
 
 WIDTH, HEIGHT = 352, 288
 
@@ -294,6 +299,23 @@ def test_stream_with_loss(stream: Stream, display: Display) -> None:
     assert re.search(r"PAUSED [1-9]\d* missing before this one", gap.text), gap.text
 
 
+def test_odd_pictures_of_a_stream(stream: Stream, display: Display) -> None:
+    """MPEG-4 has them: the last row and column are left out, and pictures without chroma are refused."""
+    desk = stream.desk
+    window = Window(desk, display, "-port", PORT, "-group", "none", wrapper=stream.network.inside)
+    wait_until(lambda: bool(desk.item("ddxvideoview.packets")))
+    source = Source(stream.network, MPEG4)
+    for size in "65x49", "64x1":
+        source.send(encode(MPEG4, 3, size))
+    wait_until(lambda: int(desk.stats("ddxvideoview")["in"]) == source.sent)
+    seen = window.until(lambda seen: "3 lost since the newest frame" in seen.text)
+    assert "3 lost since the newest frame" in seen.text, seen.text
+    window.display.run("xdotool", "key", "q")
+    assert window.process.communicate(timeout=60) and window.process.returncode == 0
+    counters = desk.stats("ddxvideoview")
+    assert counters["out"] == counters["lost"]["decode"] == 3
+
+
 def test_a_recording_of_several_files(desk: Desk, display: Display) -> None:
     """All files open from any of their names; the first one is truncated."""
     (desk.folder / "rec").mkdir()
@@ -316,6 +338,22 @@ def test_a_recording_of_several_files(desk: Desk, display: Display) -> None:
     both = window.until(lambda seen: re.search(r"\n100,50  Y .*: cut short, 3 frames are missing$", seen.text)).text
     assert re.search(r"\n100,50  Y .*: cut short, 3 frames are missing$", both), both
     check(window.press("comma"), kept - 1, "PAUSED")
+
+
+def test_an_index_with_a_frame_of_4_gib(desk: Desk, display: Display, file: pathlib.Path) -> None:
+    data = bytearray(index_file(file).read_bytes())
+    at = 4096 + ENTRY.size
+    entry = list(ENTRY.unpack_from(data, at))
+    entry[4] = 2 ** 32 - 64
+    entry[-1] = crc32c(ENTRY.pack(*entry)[:-4])
+    ENTRY.pack_into(data, at, *entry)
+    index_file(file).write_bytes(data)
+    os.truncate(file, 2 ** 33)
+    window = Window(desk, display, file)
+    seen = window.press("End")
+    assert "frame 1: damaged" in seen.text, seen.text
+    window.close()
+    assert result(window.process)[0] == 0
 
 
 def test_bad_input(desk: Desk, display: Display, small_disk: pathlib.Path) -> None:

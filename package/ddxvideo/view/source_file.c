@@ -98,14 +98,20 @@ static bool open_part(struct file_source *from, unsigned part) {
     return false;
 }
 
+static size_t picture_bytes(const struct file_source *from) {
+    size_t bytes = 0;
+
+    for (int plane = 0; plane < 4; plane++)
+        bytes += y4m_plane_bytes(&from->header, plane);
+    return bytes;
+}
+
 /* Takes the planes from the bytes of a read. False: not a frame. */
 static bool find_planes(struct file_source *from, struct shot *shot, size_t bytes, unsigned char *converted) {
     const unsigned char *end = memchr(shot->memory, '\n', bytes < Y4M_FRAME_LINE_MAX ? bytes : Y4M_FRAME_LINE_MAX);
-    size_t picture = 0;
 
-    for (int plane = 0; plane < 4; plane++)
-        picture += y4m_plane_bytes(&from->header, plane);
-    if (!end || strncmp((const char *)shot->memory, "FRAME", 5) || (size_t)(end + 1 - shot->memory) + picture != bytes)
+    if (!end || strncmp((const char *)shot->memory, "FRAME", 5) ||
+        (size_t)(end + 1 - shot->memory) + picture_bytes(from) != bytes)
         return false;
     unsigned char *start = shot->memory + (end + 1 - shot->memory);
     shot->picture.geometry = from->header.geometry;
@@ -120,6 +126,12 @@ static bool find_planes(struct file_source *from, struct shot *shot, size_t byte
 }
 
 static struct shot *read_shot(struct file_source *from, const struct frames_entry *entry) {
+    size_t most = Y4M_FRAME_LINE_MAX + picture_bytes(from); /* an index may have any number */
+
+    if (entry->bytes > most) {
+        snprintf(from->wrong, sizeof from->wrong, "frame %d: damaged", entry->number);
+        return NULL;
+    }
     size_t before = (entry->bytes + PICTURE_READ_BEYOND + 63) / 64 * 64;
     size_t converted = from->converter ? video_layout_bytes(&from->header.geometry) : 0;
     struct shot *shot = shot_new(&from->pool, before + converted);

@@ -28,6 +28,11 @@ static const char *take(void *to, const AVFrame *frame, AVRational rate, const s
     struct stream_source *from = to;
     struct ddxvideo_picture picture = output_picture(frame, rate);
 
+    /* MPEG-4 has odd sides as well; pictures here have whole chroma samples. */
+    picture.geometry.width &= ~1;
+    picture.geometry.height &= ~1;
+    if (!picture.geometry.width || !picture.geometry.height)
+        return "smaller than 2x2";
     picture.stamp = *stamp;
     struct shot *shot = history_copy(&from->live.history, &picture);
     if (!shot)
