@@ -2,10 +2,11 @@
 # SPDX-License-Identifier: GPL-2.0-or-later
 """make test-long T=powercut: what do recordings lose in a power cut? See docs/recording.md.
 
-powercut.py [-cuts N] [-seed N] [-naive]: a guest records, and all its writes are logged; then the disk is rebuilt as a
-power cut between any two writes may have left it, checked and mounted as at a boot, and its pictures are compared with
-the clip. Results: output/powercut/pool.jsonl; a stopped run continues, a run with another image records again. -naive:
-into a file that grows, for comparison.
+powercut.py [-cuts N] [-seed N] [-format y4m|h264] [-naive]: a guest records, and all its writes are logged; then the
+disk is rebuilt as a power cut between any two writes may have left it, checked and mounted as at a boot, and its
+pictures are compared with the clip. Results: output/powercut/y4m.jsonl; a stopped run continues, a run with another
+image records again. -format h264: lossless, into MP4 files; each must be finished, and FFmpeg decodes it. -naive: into
+a file that grows, for comparison.
 """
 import dataclasses
 import hashlib
@@ -26,20 +27,21 @@ from parts.guest import machine, qemu, testdisk
 from parts.guest.qemu import Guest
 from parts.guest.session import SAVE
 from parts.image import native
-from parts.media import clip as default_clip, crc32c, record_index, y4m
+from parts.media import clip as default_clip, crc32c, mp4, record_index, y4m
 from parts.testing.campaign import Campaign
 
 WORK = OUTPUT / "powercut"
 REC, MARKS = 6, 3  # partitions; the second slot is empty
 RATE = 25
 SECONDS = 60       # of recording
-SEGMENT = 8        # MB: files end every two seconds
+Y4M, H264, NAIVE = "y4m", "h264", "naive"  # kinds of recording
+SEGMENTS = {Y4M: 8, H264: 4, NAIVE: 0}  # MB: files end every two seconds, or five
 MARK = b"mark %d "
 BLOCK = 4096
 ENTRY = 64
 NEAR = 2  # writes
 MAX_LOSS = 1.0  # s
-SETTINGS = {False: f"segment={SEGMENT}\\nfull=recycle\\n", True: "segment=0\\n"}
+SETTINGS = {Y4M: "full=recycle\\n", H264: "full=recycle\\nformat=h264\\nquality=0\\n", NAIVE: ""}
 # A filler so that files are recycled after some seconds, a program that syncs each write, and one that writes marks.
 NEIGHBOURS = ("dd if=/dev/zero of=/rec/filler bs=1M count={filler} 2> /dev/null; sync; "
               "(while :; do date > /rec/neighbour; fsync /rec/neighbour; sleep 0.05; done) > /dev/null 2>&1 & "
@@ -60,6 +62,7 @@ class Found:
     frames: int = 0
     acknowledged_lost: int = 0
     corrupt: int = 0
+    unfinished: int = 0     # MP4 files without a table
     loss: float = 0.0       # s
 
 
@@ -71,34 +74,35 @@ def provide(disk: pathlib.Path, clip: pathlib.Path) -> dict[str, Any]:
             "provision": f"service={SAVE} off\n"}
 
 
-def record(guest: Guest, naive: bool, seconds: int) -> None:
+def record(guest: Guest, kind: str, seconds: int) -> None:
     """Record, then cut the power: data that was not written yet is lost."""
     guest.shell()
     free = int(guest.sh("df -m /rec | awk 'NR == 2 { print $4 }'"))
-    guest.sh(f"printf '{SETTINGS[naive]}' > /data/ddx/{SAVE}.conf; "
-             + NEIGHBOURS.format(filler=max(0, free - SEGMENT * 12 - 32) if not naive else 0), 60)
+    segment = SEGMENTS[kind]
+    guest.sh(f"printf 'segment={segment}\\n{SETTINGS[kind]}' > /data/ddx/{SAVE}.conf; "
+             + NEIGHBOURS.format(filler=max(0, free - segment * 12 - 32) if segment else 0), 60)
     guest.sh(f"ddxctl enable {SAVE}")
     for second in range(seconds):
         time.sleep(1)
         if second % 10 == 9:
-            files = guest.sh("ls /rec | grep -c y4m || true")
+            files = guest.sh("ls /rec | grep -c -E 'y4m|mp4' || true")
             say(f"powercut: recorded {second + 1} s of {seconds}, {files} files")
     guest.process.kill()
 
 
-def writes(naive: bool) -> pathlib.Path:
-    return WORK / ("naive.log" if naive else "pool.log")
+def writes(kind: str) -> pathlib.Path:
+    return WORK / f"{kind}.log"
 
 
-def campaign(made_of: Iterable[pathlib.Path], cuts: int, seed: int, naive: bool) -> Campaign:
-    log = writes(naive)
+def campaign(made_of: Iterable[pathlib.Path], cuts: int, seed: int, kind: str) -> Campaign:
+    log = writes(kind)
     return Campaign(log.with_suffix(".jsonl"), made_of, [log], cuts=cuts, seed=seed, seconds=SECONDS)
 
 
-def log_writes(image: pathlib.Path, clip: pathlib.Path, naive: bool) -> None:
-    with Guest(image, qemu.acceleration(image), machine.machines(machine.DEV)[0], writes=writes(naive),
+def log_writes(image: pathlib.Path, clip: pathlib.Path, kind: str) -> None:
+    with Guest(image, qemu.acceleration(image), machine.machines(machine.DEV)[0], writes=writes(kind),
                **provide(WORK / "test.img", clip)) as guest:
-        record(guest, naive, SECONDS)
+        record(guest, kind, SECONDS)
 
 
 # ---- Acknowledged frames ----
@@ -170,18 +174,23 @@ def due(folder: pathlib.Path, size: int) -> dict[str, list[int]]:
     return found
 
 
-def frames_of(folder: pathlib.Path, pictures: dict[bytes, int]) -> tuple[list[int], int]:
+def pictures_of(path: pathlib.Path, size: int) -> Iterator[bytes]:
+    return mp4.pictures(path, size) if path.suffix == ".mp4" else (frame.data for frame in y4m.read(path)[1])
+
+
+def frames_of(folder: pathlib.Path, pictures: dict[bytes, int], size: int) -> tuple[list[int], int]:
     """Numbers of the pictures in all recordings in order, -1 for pictures that the clip lacks; and the corrupt ones:
     pictures with -1, files that cannot be read to their end, pictures that contradict the index, or, without an index,
     pictures that are not the next ones."""
     numbers: list[int] = []
     bad = 0
     said = due(folder, len(pictures))
-    for path in sorted(folder.glob("*.y4m"), key=lambda path: int(path.name.split("-")[-2])):
+    files = [*folder.glob("*.y4m"), *folder.glob("*.mp4")]
+    for path in sorted(files, key=lambda path: int(path.name.split("-")[-2])):
         begin = len(numbers)
         try:
-            for frame in y4m.read(path)[1]:
-                numbers.append(pictures.get(hashlib.blake2b(frame.data).digest(), -1))
+            for picture in pictures_of(path, size):
+                numbers.append(pictures.get(hashlib.blake2b(picture).digest(), -1))
         except (y4m.Malformed, KeyError, ValueError, IndexError, UnicodeDecodeError):
             bad += 1
         if path.name in said:
@@ -198,19 +207,28 @@ def check(image: pathlib.Path, found: Found) -> None:
         found.manual = subprocess.run(["e2fsck", "-fy", image], capture_output=True, check=False).returncode >= 2
 
 
-def judge(image: pathlib.Path, found: Found, moment: Moment, pictures: dict[bytes, int], naive: bool) -> None:
+def unfinished(path: pathlib.Path) -> bool:
+    try:
+        return not mp4.is_finished(path)
+    except y4m.Malformed:
+        return True
+
+
+def judge(image: pathlib.Path, found: Found, moment: Moment, pictures: dict[bytes, int], size: int, kind: str) -> None:
     check(image, found)
     with scratch() as folder:
         if subprocess.run(["mount", "-o", "loop,noatime", image, folder], capture_output=True, check=False).returncode:
             found.mounted = False
             return
         try:
-            if not naive:
+            if kind != NAIVE:
                 root = OUTPUT / "desk/root/usr"
                 libraries = next(root.glob("lib/**/libddx.so")).parent
-                subprocess.run([root / "bin/ddxvideosave", "-output", folder, "-segment", str(SEGMENT), "-recover"],
+                segment = str(SEGMENTS[kind])
+                subprocess.run([root / "bin/ddxvideosave", "-output", folder, "-segment", segment, "-recover"],
                                env={"LD_LIBRARY_PATH": str(libraries)}, check=True, capture_output=True)
-            numbers, found.corrupt = frames_of(folder, pictures)
+            numbers, found.corrupt = frames_of(folder, pictures, size)
+            found.unfinished = sum(map(unfinished, folder.glob("*.mp4")))
         finally:
             subprocess.run(["umount", folder], check=True)
     found.frames = len(numbers)
@@ -219,19 +237,20 @@ def judge(image: pathlib.Path, found: Found, moment: Moment, pictures: dict[byte
         found.acknowledged_lost = moment.acknowledged
         return
     # Store numbers begin with 1; picture numbers begin with 0 and wrap.
-    size = len(pictures)
-    behind = (moment.newest - numbers[-1]) % size  # the recording is never older than a round of the clip
-    found.loss = max(0.0, (behind if behind < size // 2 else 0) / RATE)
-    missing = (moment.acknowledged - 1 - numbers[-1]) % size
-    found.acknowledged_lost = missing if moment.acknowledged and missing < size // 2 else 0
+    count = len(pictures)
+    behind = (moment.newest - numbers[-1]) % count  # the recording is never older than a round of the clip
+    found.loss = max(0.0, (behind if behind < count // 2 else 0) / RATE)
+    missing = (moment.acknowledged - 1 - numbers[-1]) % count
+    found.acknowledged_lost = missing if moment.acknowledged and missing < count // 2 else 0
 
 
-def replay(log: pathlib.Path, image: pathlib.Path, clip: pathlib.Path, naive: bool, cuts: int, seed: int,
+def replay(log: pathlib.Path, image: pathlib.Path, clip: pathlib.Path, kind: str, cuts: int, seed: int,
            done: Sequence[Found] = ()) -> Iterator[Found]:
     """The result of each cut that is not in `done`."""
     part = mbr.partition(image, REC)
     seen = moments(log, part, mbr.partition(image, MARKS))
     chosen = choose(seen, cuts, random.Random(seed))
+    size = y4m.read(clip)[0].frame_size
     pictures = {hashlib.blake2b(frame.data).digest(): number for number, frame in enumerate(y4m.read(clip)[1])}
     with image.open("rb") as file:
         file.seek(part.begin)
@@ -249,7 +268,7 @@ def replay(log: pathlib.Path, image: pathlib.Path, clip: pathlib.Path, naive: bo
                 chance = random.Random(f"{seed} {number}")
                 disk.make(scratch, disk.all_written() if model == "prefix" else disk.some_written(chance))
                 found = Found(number, model, chosen[number])
-                judge(scratch, found, seen[number], pictures, naive)
+                judge(scratch, found, seen[number], pictures, size, kind)
                 yield found
 
 
@@ -258,24 +277,28 @@ def summary(done: list[Found]) -> dict[str, float]:
             "thorough_fsck": sum(one.thorough for one in done),
             "manual_fsck": sum(one.manual for one in done), "mount_failures": sum(not one.mounted for one in done),
             "acked_lost": sum(one.acknowledged_lost > 0 for one in done),
-            "corrupt": sum(one.corrupt > 0 for one in done), "max_loss_s": max(one.loss for one in done)}
+            "corrupt": sum(one.corrupt > 0 for one in done),
+            "unfinished": sum(one.unfinished > 0 for one in done), "max_loss_s": max(one.loss for one in done)}
 
 
 def broken(figures: dict[str, float]) -> bool:
     """Whether a promise was broken."""
-    zero = ("manual_fsck", "mount_failures", "acked_lost", "corrupt")
+    zero = ("manual_fsck", "mount_failures", "acked_lost", "corrupt", "unfinished")
     return any(figures[key] for key in zero) or figures["max_loss_s"] > MAX_LOSS
 
 
 def main() -> int:
-    arguments = command_line(__doc__, cuts=1000, seed=1, naive=False)
+    arguments = command_line(__doc__, cuts=1000, seed=1, format=Y4M, naive=False)
+    kind = NAIVE if arguments.naive else arguments.format
+    if kind not in SEGMENTS:
+        raise Failed(f"-format {kind}: y4m or h264 is needed")
     root = native.build()
-    image, naive = build.dev([root]), arguments.naive
-    steps = campaign([image, root], arguments.cuts, arguments.seed, naive)
+    image = build.dev([root])
+    steps = campaign([image, root], arguments.cuts, arguments.seed, kind)
     clip = default_clip.write(WORK / "clip.y4m", 20)
-    steps.once("recorded", lambda: log_writes(image, clip, naive))
+    steps.once("recorded", lambda: log_writes(image, clip, kind))
     done = [Found(**one) for one in steps.results.values() if one]
-    for found in replay(writes(naive), image, clip, naive, arguments.cuts, arguments.seed, done):
+    for found in replay(writes(kind), image, clip, kind, arguments.cuts, arguments.seed, done):
         done.append(found)
         steps.add(f"{found.cut} {found.model}", dataclasses.asdict(found))
         if len(done) % 20 == 0:

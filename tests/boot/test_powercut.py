@@ -16,25 +16,25 @@ from .figures import Figure
 
 pytestmark = [pytest.mark.retry, pytest.mark.long]
 
-CUTS = {False: 10, True: 4}
+CUTS = {powercut.Y4M: 10, powercut.H264: 10, powercut.NAIVE: 4}
 SECONDS = 12  # of recording before the cuts
 MARK = b"without flushes"
 
 
-@pytest.mark.parametrize("naive", [False, True], ids=["recorder", "naive"])
+@pytest.mark.parametrize("kind", CUTS)
 def test_recordings_survive_power_cuts(boot: Boot, image: pathlib.Path, clip: pathlib.Path, tmp_path: pathlib.Path,
-                                    naive: bool, record_property: Figure) -> None:
+                                    kind: str, record_property: Figure) -> None:
     """The naive recorder must lose more than allowed; otherwise the test proves nothing."""
     if subprocess.run(["losetup", "-f"], capture_output=True, check=False).returncode:
         pytest.skip("no loop devices here: no disk was mounted as a power cut leaves it")
     log = tmp_path / "writes"
-    with boot(f"powercut-{naive}", writes=log, **powercut.provide(tmp_path / "test.img", clip)) as guest:
-        powercut.record(guest, naive, SECONDS)
-    figures = powercut.summary(list(powercut.replay(log, image, clip, naive, CUTS[naive], 7)))
+    with boot(f"powercut-{kind}", writes=log, **powercut.provide(tmp_path / "test.img", clip)) as guest:
+        powercut.record(guest, kind, SECONDS)
+    figures = powercut.summary(list(powercut.replay(log, image, clip, kind, CUTS[kind], 7)))
     for name, value in figures.items():
         record_property(name, value)
-    assert figures["cuts"] == 2 * CUTS[naive]
-    assert powercut.broken(figures) is naive, figures
+    assert figures["cuts"] == 2 * CUTS[kind]
+    assert powercut.broken(figures) is (kind == powercut.NAIVE), figures
 
 
 def mark(guest: Guest) -> None:

@@ -36,10 +36,12 @@ static void recover(struct mp4_file *file) {
 
     if (count > 0 && !file->end && !ftruncate(file->fd, (off_t)file->at)) {
         struct mp4_file again;
+        struct mp4_fragment fragment;
         uint64_t end = file->at;
 
-        assert(!mp4_finish(file->fd, &file->format, entries, (uint32_t)count));
+        assert(mp4_finish(file->fd, &file->format, entries, (uint32_t)count) > 0);
         assert(!mp4_open(&again, file->fd) && again.end == end);
+        assert(mp4_last_frame(&again, &fragment) && fragment.number == count);
         struct mp4_entry *same;
         assert(mp4_entries(&again, &same, &last) == count && last == MP4_END);
         free(same);

@@ -10,6 +10,7 @@
 #include "clip.h"
 #include "h264_encode.h"
 #include "mp4_read.h"
+#include "mp4_times.h"
 #include "mp4_write.h"
 #include "stamp.h"
 #include "video_layout.h"
@@ -108,7 +109,9 @@ static off_t record(const struct ddxvideo_geometry *geometry, long quality) {
 static void finish(void) {
     int fd = open(path, O_RDWR | O_CLOEXEC);
 
-    CHECK_EQUAL(mp4_finish(fd, &format, entries, FRAMES), 0);
+    int64_t bytes = mp4_finish(fd, &format, entries, FRAMES);
+    CHECK_EQUAL(bytes, lseek(fd, 0, SEEK_END));
+    CHECK(bytes - (int64_t)mp4_end(entries, FRAMES) <= (int64_t)mp4_table_room(FRAMES));
     close(fd);
 }
 
@@ -245,7 +248,7 @@ static int64_t recover(void) {
     CHECK(last == MP4_END || last == MP4_CUT);
     if (count && !file.end) {
         CHECK_EQUAL(ftruncate(fd, (off_t)file.at), 0);
-        CHECK_EQUAL(mp4_finish(fd, &file.format, found, (uint32_t)count), 0);
+        CHECK(mp4_finish(fd, &file.format, found, (uint32_t)count) > 0);
     }
     free(found);
     close(fd);
@@ -293,6 +296,51 @@ static void test_cuts(void) {
     CHECK_EQUAL(play(&geometry, true, CLIP_BAD), FRAMES - 1);
     free(plain);
     free(finished);
+}
+
+/* The last frame of a finished file is found through the table; of no other file. */
+static void test_last(void) {
+    struct ddxvideo_geometry geometry = geometry_of(DDX_VIDEO_420_JPEG, 32, 32);
+    struct mp4_file file;
+    struct mp4_fragment last;
+    size_t size;
+
+    make_pictures(&geometry);
+    record(&geometry, 18);
+    int fd = open(path, O_RDWR | O_CLOEXEC);
+    CHECK_EQUAL(mp4_open(&file, fd), 0);
+    CHECK(!mp4_last_frame(&file, &last));
+    finish();
+    CHECK_EQUAL(mp4_open(&file, fd), 0);
+    CHECK(mp4_last_frame(&file, &last));
+    CHECK_EQUAL(last.number, FRAMES);
+    CHECK_EQUAL(last.bytes, entries[FRAMES - 1].bytes);
+    CHECK_EQUAL(last.time, (uint64_t)(capture_time(FRAMES - 1) - START) / 1000);
+    free(contents(&size));
+    CHECK_EQUAL(ftruncate(fd, (off_t)size - 1), 0); /* a copy cut it */
+    CHECK_EQUAL(mp4_open(&file, fd), 0);
+    CHECK(!mp4_last_frame(&file, &last));
+    close(fd);
+}
+
+/* Times are those of the capture as far as a file can express them. */
+static void test_times(void) {
+    struct mp4_times times = {.begun = false};
+    const int64_t s = 1000000000;
+
+    CHECK(!mp4_times_is_gap(&times, INT64_MAX));
+    CHECK_EQUAL(mp4_times_next(&times, 5 * s), 0);
+    CHECK_EQUAL(mp4_times_next(&times, 5 * s + 40000999), 40000);
+    CHECK_EQUAL(mp4_times_next(&times, 5 * s + 40001000), 1);
+    CHECK_EQUAL(mp4_times_next(&times, 3 * s), 1); /* the clock went back */
+    CHECK_EQUAL(mp4_times_next(&times, 3 * s + 40000000), 40000);
+    CHECK(!mp4_times_is_gap(&times, 3 * s + 40000000 + 1800 * s));
+    CHECK(mp4_times_is_gap(&times, 3 * s + 40000001 + 1800 * s));
+    CHECK_EQUAL(mp4_times_next(&times, 9000 * s), MP4_STEP_MAX);
+    CHECK_EQUAL(mp4_times_next(&times, 9000 * s + 40000000), 40000);
+    CHECK_EQUAL(mp4_times_next(&times, INT64_MIN), 1); /* no time of a camera, but nothing overflows */
+    CHECK_EQUAL(mp4_times_next(&times, INT64_MAX), MP4_STEP_MAX);
+    CHECK_EQUAL(times.shown, 40000 + 1 + 1 + 40000 + MP4_STEP_MAX + 40000 + 1 + UINT64_C(1800000000));
 }
 
 /* The table names each frame's bytes and its whole duration. */
@@ -398,6 +446,8 @@ int main(void) {
     test_layouts();
     test_refusals();
     test_cuts();
+    test_last();
+    test_times();
     test_table();
     test_flips();
     test_damage();

@@ -157,6 +157,18 @@ int mp4_read_bytes(const struct mp4_file *file, const struct mp4_fragment *fragm
     return read_at(file->fd, to, fragment->bytes, file->at - fragment->bytes) == fragment->bytes ? 0 : -errno;
 }
 
+bool mp4_last_frame(const struct mp4_file *file, struct mp4_fragment *fragment) {
+    uint8_t from[MP4_FRAGMENT];
+
+    /* The table ends with the place of the last frame. */
+    if (!file->end || file->size <= file->end || read_at(file->fd, from, 8, file->size - 8) != 8)
+        return false;
+    uint64_t place = get64(from);
+    return place >= MP4_BLOCK + MP4_FRAGMENT && place <= file->end &&
+           read_at(file->fd, from, sizeof from, place - MP4_FRAGMENT) == sizeof from &&
+           mp4_read_fragment(from, fragment) && fragment->bytes == file->end - place;
+}
+
 void mp4_rewind(struct mp4_file *file) {
     file->at = MP4_BLOCK;
     file->frames = 0;

@@ -44,6 +44,9 @@ enum mp4_next mp4_next_frame(struct mp4_file *file, struct mp4_fragment *fragmen
 /* The bytes of the frame that mp4_next_frame() gave last. 0; -ENODATA: the file became shorter; or -errno. */
 int mp4_read_bytes(const struct mp4_file *file, const struct mp4_fragment *fragment, uint8_t *to);
 
+/* The last frame of a finished file, found through its table. False: not finished, or its table is not one of ours. */
+bool mp4_last_frame(const struct mp4_file *file, struct mp4_fragment *fragment);
+
 /* Back to the first frame. */
 void mp4_rewind(struct mp4_file *file);
 

@@ -396,16 +396,22 @@ static int write_all(int fd, const uint8_t *from, size_t size, uint64_t at) {
     return 0;
 }
 
-int mp4_finish(int fd, const struct mp4_format *format, const struct mp4_entry *entries, uint32_t count) {
-    uint8_t cover[MP4_COVER];
+uint64_t mp4_end(const struct mp4_entry *entries, uint32_t count) {
     uint64_t at = MP4_BLOCK;
+
+    for (uint32_t i = 0; i < count; i++)
+        at += MP4_FRAGMENT + (uint64_t)entries[i].bytes;
+    return at;
+}
+
+int64_t mp4_finish(int fd, const struct mp4_format *format, const struct mp4_entry *entries, uint32_t count) {
+    uint8_t cover[MP4_COVER];
+    uint64_t at = mp4_end(entries, count);
     size_t size;
     uint8_t *table = mp4_table(format, entries, count, &size);
 
     if (!table)
         return -ENOMEM;
-    for (uint32_t i = 0; i < count; i++)
-        at += MP4_FRAGMENT + (uint64_t)entries[i].bytes;
     int error = write_all(fd, table, size, at);
     free(table);
     if (!error && fdatasync(fd))
@@ -415,5 +421,5 @@ int mp4_finish(int fd, const struct mp4_format *format, const struct mp4_entry *
         error = write_all(fd, cover, sizeof cover, MP4_COVER_AT);
     if (!error && fdatasync(fd))
         error = -errno;
-    return error;
+    return error ? error : (int64_t)(at + size);
 }

@@ -60,14 +60,22 @@ void mp4_write_fragment(uint8_t to[MP4_FRAGMENT], const struct mp4_fragment *fra
 /* The table, which the caller frees. NULL: no memory, or more frames than a table can hold. */
 uint8_t *mp4_table(const struct mp4_format *format, const struct mp4_entry *entries, uint32_t count, size_t *size);
 
+/* Bytes that the table of that many frames has at most. */
+static inline size_t mp4_table_room(uint32_t count) {
+    return MP4_BLOCK + (size_t)count * (8 + 4 + 4 + 8); /* duration, number of a key frame, size, place */
+}
+
+/* Where these frames end, and the table begins. */
+uint64_t mp4_end(const struct mp4_entry *entries, uint32_t count);
+
 /* What the 16 bytes become; `end`: where the table begins. */
 void mp4_write_cover(uint8_t to[MP4_COVER], uint64_t end);
 
 /*
  * Finish a file that consists of block 0 and these frames: write and flush the table, then the 16 bytes. In this order,
- * because a file with them and without a table cannot be played. 0 or -errno: then it is as it was, or has a table that
- * players overlook.
+ * because a file with them and without a table cannot be played. -errno: then it is as it was, or has a table that
+ * players overlook. Otherwise the bytes of the whole file.
  */
-int mp4_finish(int fd, const struct mp4_format *format, const struct mp4_entry *entries, uint32_t count);
+int64_t mp4_finish(int fd, const struct mp4_format *format, const struct mp4_entry *entries, uint32_t count);
 
 #endif

@@ -11,6 +11,7 @@
 #include <unistd.h>
 
 #include "ddx_time.h"
+#include "mp4_read.h"
 #include "pool_files.h"
 #include "pool_names.h"
 #include "schedule.h"
@@ -53,6 +54,7 @@ static void count_so_far(int fd, struct found *found) {
     for (uint64_t i = 0; i < found->frames; i++) {
         found->lost_store += index->entry[i].lost_store;
         found->lost_ring += index->entry[i].lost_ring;
+        found->lost_encode += index->entry[i].lost_encode;
         found->bytes = index->entry[i].offset + index->entry[i].bytes;
         found->duration = lasts(index->header.start, index->entry[i].time, found->frames);
     }
@@ -91,6 +93,7 @@ static bool find_indexed(int pool, bool named, struct found *found) {
         found->bytes = header.bytes;
         found->lost_store = header.lost_store;
         found->lost_ring = header.lost_ring;
+        found->lost_encode = header.lost_encode;
         found->state = header.flags & INDEX_RECOVERED ? FOUND_RECOVERED : FOUND_FINISHED;
     }
     if (good && !named)
@@ -106,7 +109,7 @@ static bool find_indexed(int pool, bool named, struct found *found) {
 
 /* ---- Without ---- */
 
-/* <item>-<number>-<UTC>.y4m; another name is an item without a number. */
+/* <item>-<number>-<UTC>.y4m or .mp4; another name is an item without a number. */
 static void read_name(struct found *found) {
     struct tm utc = {.tm_year = 0};
     const char *end = pool_name_number(found->name, &found->number);
@@ -161,7 +164,28 @@ static void walk(int fd, const struct y4m_header *header, uint64_t at, struct fo
             schedule_offset(found->frames, (uint32_t)header->geometry.rate_num, (uint32_t)header->geometry.rate_den);
 }
 
-/* Fill in all from the file found->name itself. False: not a Y4M file, and not named like a recording either. */
+/* Of an MP4 file. False: not one of ours. */
+static bool look_at_mp4(int fd, struct found *found) {
+    struct mp4_file file;
+    struct mp4_fragment last = {.number = 0};
+
+    if (mp4_open(&file, fd))
+        return false;
+    if (!mp4_last_frame(&file, &last)) {
+        enum mp4_next next;
+
+        while ((next = mp4_next_frame(&file, &last)) == MP4_FRAME)
+            continue;
+        if (next != MP4_END)
+            found->state = FOUND_CUT_OFF;
+        last = (struct mp4_fragment){.number = file.frames, .time = file.time};
+    }
+    found->frames = last.number;
+    found->duration = (int64_t)(last.time + file.format.duration) * 1000;
+    return true;
+}
+
+/* Fill in all from the file found->name itself. False: neither Y4M nor MP4, and not named like a recording either. */
 static bool find_plain(int folder, struct found *found) {
     char line[Y4M_HEADER_MAX], error[Y4M_ERROR_MAX];
     struct y4m_header header;
@@ -173,14 +197,15 @@ static bool find_plain(int folder, struct found *found) {
             close(fd);
         return false;
     }
-    size_t length = read_line(fd, 0, line);
-    bool good = length && y4m_parse_header(line, Y4M_SAME, &header, error);
+    bool mp4 = mp4_is_any(fd);
+    size_t length = mp4 ? 0 : read_line(fd, 0, line);
+    bool good = mp4 ? look_at_mp4(fd, found) : length && y4m_parse_header(line, Y4M_SAME, &header, error);
     read_name(found);
     found->bytes = (uint64_t)status.st_size;
     posix_fadvise(fd, 0, 0, POSIX_FADV_RANDOM); /* do not read ahead into the pictures */
-    if (good)
+    if (good && !mp4)
         walk(fd, &header, length, found);
-    else
+    else if (!good)
         found->state = FOUND_CUT_OFF;
     close(fd);
     return good || (found->number && found->bytes); /* only a recorder makes such names */
@@ -321,7 +346,7 @@ static int look_at_names(struct folder *folder, const struct pooled_list *list) 
     for (struct dirent *entry = readdir(names); entry && !error; entry = readdir(names)) {
         const char *end = strrchr(entry->d_name, '.');
 
-        if (end && end != entry->d_name && !strcmp(end, ".y4m"))
+        if (end && end != entry->d_name && (!strcmp(end, ".y4m") || !strcmp(end, ".mp4")))
             error = add_named(folder, entry->d_name, list);
     }
     closedir(names);

@@ -29,9 +29,9 @@ struct found {
     bool spoilt;        /* its index is damaged */
     uint64_t recording; /* random number in its index, different for each recording */
     uint64_t frames, bytes;
-    uint64_t lost_store, lost_ring; /* from its index */
-    int64_t wall;                   /* of the first frame, ns; 0: unknown */
-    int64_t duration;               /* ns */
+    uint64_t lost_store, lost_ring, lost_encode; /* from its index */
+    int64_t wall;                                /* of the first frame, ns; 0: unknown */
+    int64_t duration;                            /* ns */
 };
 
 struct folder {

@@ -58,6 +58,7 @@ static struct found sum_up(const struct found *file, unsigned count) {
         sum.duration += file[i].duration;
         sum.lost_store += file[i].lost_store;
         sum.lost_ring += file[i].lost_ring;
+        sum.lost_encode += file[i].lost_encode;
         if (file[i].state > sum.state)
             sum.state = file[i].state;
     }
@@ -93,7 +94,8 @@ static void show_json(const struct found *file, unsigned count, const struct fou
     printf(",\"frames\":%" PRIu64 ",\"seconds\":%" PRId64 ".%03d,\"bytes\":%" PRIu64 ",\"state\":\"%s\"", sum->frames,
            sum->duration / SECOND, (int)(sum->duration % SECOND / 1000000), sum->bytes, found_state_name(sum->state));
     if (sum->id)
-        printf(",\"lost\":{\"store\":%" PRIu64 ",\"ring\":%" PRIu64 "}", sum->lost_store, sum->lost_ring);
+        printf(",\"lost\":{\"store\":%" PRIu64 ",\"ring\":%" PRIu64 ",\"encode\":%" PRIu64 "}", sum->lost_store,
+               sum->lost_ring, sum->lost_encode);
     else
         printf(",\"lost\":null");
     printf(",\"files\":[");
@@ -109,7 +111,7 @@ static void show_line(unsigned count, const struct found *sum, const char *name,
     char lost[64] = "?";
 
     if (sum->id)
-        snprintf(lost, sizeof lost, "%" PRIu64, sum->lost_store + sum->lost_ring);
+        snprintf(lost, sizeof lost, "%" PRIu64, sum->lost_store + sum->lost_ring + sum->lost_encode);
     printf("%-20s %-20s %5u %8" PRIu64 " %9" PRId64 ".%d %8" PRIu64 " %6s  %s\n", name, begin, count, sum->frames,
            sum->duration / SECOND, (int)(sum->duration % SECOND / (SECOND / 10)), (sum->bytes + (1 << 20) - 1) >> 20,
            lost, found_state_name(sum->state));

@@ -10,14 +10,16 @@
 
 #include "bytes.h"
 #include "crc32c.h"
+#include "index_mp4.h"
+#include "mp4_read.h"
 #include "program.h"
 #include "video_layout.h"
 
 /* ---- Check of the bytes ---- */
 
 /*
- * Checks that a file has exactly the recorded bytes: the first line and each frame match their checksums in the index,
- * and nothing follows the last frame.
+ * Checks that a file has exactly the recorded bytes: those before the first frame and each frame match their checksums
+ * in the index, and nothing follows the last frame but an MP4 file's table, which follows from them.
  */
 
 static void judge(struct check *check, bool good) {
@@ -31,10 +33,10 @@ static void judge(struct check *check, bool good) {
 
 static void take_head(struct check *check, const unsigned char *bytes, size_t size) {
     check->head = crc32c(check->head, bytes, size);
-    if (check->position < sizeof check->line) {
-        size_t room = sizeof check->line - (size_t)check->position;
+    if (check->position < sizeof check->begin) {
+        size_t room = sizeof check->begin - (size_t)check->position;
 
-        memcpy(check->line + check->position, bytes, size < room ? size : room);
+        memcpy(check->begin + check->position, bytes, size < room ? size : room);
     }
 }
 
@@ -58,6 +60,7 @@ static void check_bytes(struct check *check, const unsigned char *bytes, size_t 
     }
     check->position += size;
     check->behind += size;
+    check->tail = crc32c(check->tail, bytes, size);
 }
 
 /* At the end of the file: count missing frames as bad. */
@@ -73,9 +76,9 @@ static bool fits(const struct check *check) {
     char line[Y4M_HEADER_MAX], error[Y4M_ERROR_MAX];
     size_t length = (size_t)first->offset;
 
-    if (!length || first->offset > sizeof line || check->line[length - 1] != '\n')
+    if (!length || first->offset > sizeof line || check->begin[length - 1] != '\n')
         return false;
-    memcpy(line, check->line, length);
+    memcpy(line, check->begin, length);
     line[length - 1] = 0;
     if (strlen(line) != length - 1 || !y4m_parse_header(line, Y4M_SAME, &header, error) || !y4m_is_plain(&header))
         return false;
@@ -93,6 +96,52 @@ static bool check_head(const struct check *check) {
     if (!check->frames)
         return true; /* its length is not known */
     return header->flags & INDEX_HEAD ? check->head == header->head : fits(check);
+}
+
+/* ---- Of an MP4 file ---- */
+
+/* Whether block 0 is as recorded, except for the 16 bytes that change at the end; *end: where they say the table is. */
+static bool check_block(const struct check *check, struct mp4_format *format, uint64_t *end) {
+    uint8_t first[MP4_BLOCK];
+
+    return mp4_read_head(check->begin, format, end) && mp4_write_head(first, format) &&
+           check->index->entry[0].offset == MP4_BLOCK && crc32c(0, first, sizeof first) == check->index->header.head;
+}
+
+static bool is_table(const struct check *check, const struct mp4_format *format) {
+    size_t size;
+    struct mp4_entry *entries = index_mp4_entries(check->index, check->frames);
+    uint8_t *table = entries ? mp4_table(format, entries, check->frames, &size) : NULL;
+    bool same = table && size == check->behind && crc32c(0, table, size) == check->tail;
+
+    free(table);
+    free(entries);
+    return same;
+}
+
+/* All but the frames; prints a line for each error. `finished`: the file was read up to its end. */
+static bool judge_mp4(const struct check *check, const char *shown, bool finished) {
+    const struct index_entry *last = &check->index->entry[check->frames - 1];
+    uint64_t frames_end = last->offset + last->bytes, end;
+    struct mp4_format format;
+
+    if (!check_block(check, &format, &end) || (finished && end && end != frames_end)) {
+        say("%s: its first block, the MP4 header, is not what was recorded", shown);
+        return false;
+    }
+    if (!finished)
+        return true;
+    if (check->index->header.bytes > frames_end || end) { /* it was finished with a table */
+        bool good = end && is_table(check, &format);
+
+        if (!good)
+            say("%s: its table, by which players seek, is not what was recorded", shown);
+        return good;
+    }
+    say("%s: has no table, so players cannot seek in it: an older recorder finished it, or there was no room", shown);
+    if (check->behind)
+        say("%s: bytes that were not recorded follow its last frame: %" PRIu64, shown, check->behind);
+    return !check->behind;
 }
 
 /* ---- Verification ---- */
@@ -176,6 +225,13 @@ bool verify_judge(struct verify *verify, const struct found *found) {
     if (!verify->index)
         return !verify->damaged;
     check_end(check);
+    if (check->index->header.format == INDEX_MP4 && check->frames) {
+        bool good = judge_mp4(check, found->shown, found->state < FOUND_INTERRUPTED && !verify->damaged);
+
+        if (check->bad)
+            say_bad(verify, found);
+        return good && !check->bad && !verify->damaged;
+    }
     bool head = check_head(check), behind = check->behind && !verify->damaged;
     if (!head)
         say("%s: its first line, the Y4M header, is not what was recorded", found->shown);

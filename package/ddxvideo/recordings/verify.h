@@ -6,6 +6,7 @@
 
 #include "find.h"
 #include "index.h"
+#include "mp4_write.h"
 #include "y4m.h"
 
 struct check {
@@ -18,8 +19,9 @@ struct check {
     uint32_t first;    /* the first bad frame; `last`: of those that follow it without a gap */
     uint32_t last;
     uint64_t behind; /* bytes after the last frame */
-    uint32_t head;   /* checksum of the bytes before the first frame; `line`: their beginning */
-    char line[Y4M_HEADER_MAX];
+    uint32_t tail;   /* their checksum */
+    uint32_t head;   /* checksum of the bytes before the first frame; `begin`: their beginning */
+    unsigned char begin[MP4_BLOCK];
 };
 
 /* A file that is verified while it is read. */

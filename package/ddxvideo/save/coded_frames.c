@@ -6,7 +6,6 @@
 #include "ddx_time.h"
 #include "video_layout.h"
 
-#define GAP_NS ((int64_t)MP4_STEP_MAX * 1000)
 #define KEY_NS SECOND /* from key frame to key frame */
 
 int coded_frames_open(struct coded_frames *frames, const struct ddxvideo_geometry *geometry,
@@ -25,39 +24,18 @@ size_t coded_frames_room(const struct ddxvideo_geometry *geometry) {
     return 2 * video_layout_bytes(geometry) + H264_ROOM + MP4_FRAGMENT + MP4_BLOCK;
 }
 
-/* ns from `from` to `to`; INT64_MAX or INT64_MIN beyond that. */
-static int64_t between(int64_t from, int64_t to) {
-    int64_t result;
-
-    return __builtin_sub_overflow(to, from, &result) ? (to > from ? INT64_MAX : INT64_MIN) : result;
-}
-
 bool coded_frames_is_gap(const struct coded_frames *frames, int64_t time) {
-    return frames->number && between(frames->last, time) > GAP_NS;
+    return mp4_times_is_gap(&frames->times, time);
 }
 
-/*
- * When the frame is shown, us: by its capture time. A time that does not rise counts as 1 us later, a gap above 30
- * minutes as 30 minutes; the following times are moved by as much.
- */
-static uint64_t shown_at(struct coded_frames *frames, int64_t time) {
-    if (!frames->number) {
-        frames->base = time;
-        return 0;
-    }
-    int64_t us = between(frames->base, time) / 1000;
-    uint64_t shown = us < 0 ? 0 : (uint64_t)us;
-    if (shown > frames->shown && shown - frames->shown <= MP4_STEP_MAX)
-        return shown;
-    shown = frames->shown + (shown > frames->shown ? MP4_STEP_MAX : 1);
-    if (__builtin_sub_overflow(time, (int64_t)shown * 1000, &frames->base))
-        frames->base = time > 0 ? INT64_MAX : INT64_MIN;
-    return shown;
+void coded_frames_next_file(struct coded_frames *frames) {
+    frames->number = 0;
+    frames->times = (struct mp4_times){.begun = false};
 }
 
 /* By capture time. If the clock goes back, players may show the frame elsewhere: it does without the ones before. */
 static bool key_is_due(const struct coded_frames *frames, int64_t time) {
-    int64_t since = between(frames->key, time);
+    int64_t since = mp4_between(frames->key, time);
 
     return !frames->number || frames->failed || since < 0 || since >= KEY_NS;
 }
@@ -76,18 +54,16 @@ int coded_frames_next(struct coded_frames *frames, const struct ddxvideo_picture
         size + MP4_FRAGMENT + MP4_BLOCK > coded_frames_room(&frames->encoder.geometry);
     if (frames->failed)
         return -EIO;
-    uint64_t shown = shown_at(frames, stamp->time);
+    uint32_t step = mp4_times_next(&frames->times, stamp->time);
     mp4_write_fragment(frames->begin, &(struct mp4_fragment){.number = ++frames->number,
-                                                             .time = shown,
+                                                             .time = frames->times.shown,
                                                              .duration = frames->format.duration,
                                                              .bytes = (uint32_t)size,
                                                              .key = stamp->key});
     frame->piece[0] = (struct iovec){frames->head, first ? MP4_BLOCK : 0};
     frame->piece[1] = (struct iovec){frames->begin, MP4_FRAGMENT};
     frame->piece[2] = (struct iovec){(void *)(uintptr_t)data, size};
-    frame->step = (first ? 0 : (uint32_t)(shown - frames->shown)) | (stamp->key ? MP4_KEY : 0);
-    frames->shown = shown;
-    frames->last = stamp->time;
+    frame->step = step | (stamp->key ? MP4_KEY : 0);
     if (stamp->key)
         frames->key = stamp->time;
     return 0;

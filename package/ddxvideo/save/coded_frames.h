@@ -6,6 +6,7 @@
 #include <sys/uio.h>
 
 #include "h264_encode.h"
+#include "mp4_times.h"
 #include "mp4_write.h"
 #include "stamp.h"
 
@@ -15,11 +16,10 @@ struct coded_frames {
     struct h264_encoder encoder;
     uint8_t head[MP4_BLOCK];
     uint8_t begin[MP4_FRAGMENT];
-    uint32_t number;   /* of frames so far */
-    int64_t last, key; /* capture time of the last frame, and of the last key frame */
-    int64_t base;      /* capture time that is shown as 0 */
-    uint64_t shown;    /* us at which the last frame is shown */
-    bool failed;       /* the encoder, at the last picture */
+    uint32_t number; /* of frames in this file so far */
+    struct mp4_times times;
+    int64_t key; /* capture time of the last key frame */
+    bool failed; /* the encoder, at the last picture */
 };
 
 /* A frame in pieces: block 0 if it is the first one, the begin of the fragment, and the encoded picture. */
@@ -38,6 +38,9 @@ size_t coded_frames_room(const struct ddxvideo_geometry *geometry);
 
 /* Whether a frame with this capture time comes so long after the last one that a file cannot express it. */
 bool coded_frames_is_gap(const struct coded_frames *frames, int64_t time);
+
+/* The next frame begins another file, with block 0 and a key frame. */
+void coded_frames_next_file(struct coded_frames *frames);
 
 /*
  * Encode a picture with this stamp; its `key` and `geometry` are set here. 0, or -EIO: the encoder failed. Then the

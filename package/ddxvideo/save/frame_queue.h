@@ -29,7 +29,8 @@ struct frame_queue_facts {
     int64_t wall;                   /* as wall time; 0 if unknown */
     uint64_t sequence;              /* in the store */
     int frame;                      /* the source's number */
-    unsigned lost_store, lost_ring; /* frames lost before this one */
+    unsigned lost_store, lost_ring; /* frames lost before this one, */
+    unsigned lost_encode;           /* by reason */
     uint32_t step;                  /* of an MP4 file: struct mp4_entry */
 };
 

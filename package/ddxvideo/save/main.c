@@ -34,8 +34,6 @@ static void choose_format(struct recorder *recorder, const char *format, long qu
                           QUALITY_LEAST, QUALITY_MOST);
     if (!quality && bitrate > 0)
         program_bad_usage("-bitrate: with -quality 0, lossless, frames take what they need; leave one out");
-    if (h264 && recorder->segment)
-        program_bad_usage("-segment: prepared files hold Y4M only; leave it out, or record with -format y4m");
     recorder->coded = h264;
     recorder->h264 = (struct h264_settings){quality < 0 ? QUALITY : quality, bitrate < 0 ? 0 : bitrate};
 }

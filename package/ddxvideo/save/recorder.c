@@ -63,10 +63,11 @@ static int64_t finish_mp4(const char *folder, const char *name, int fd, int64_t 
         return error ? -1 : 0;
     int64_t frames = mp4_entries(&file, &entries, &last);
     if (frames > 0 && !file.end && last != MP4_DAMAGED) {
-        error = ftruncate(fd, (off_t)file.at) ? -errno : mp4_finish(fd, &file.format, entries, (uint32_t)frames);
-        if (error)
+        int64_t bytes =
+            ftruncate(fd, (off_t)file.at) ? -errno : mp4_finish(fd, &file.format, entries, (uint32_t)frames);
+        if (bytes < 0)
             say("%s/%s: was left unfinished, and cannot be finished: %s; it can be played", folder, name,
-                strerror(-error));
+                strerror((int)-bytes));
         else
             say("%s/%s: was left unfinished; finished after its last whole frame, it has %lld", folder, name,
                 (long long)frames);

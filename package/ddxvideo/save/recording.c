@@ -30,11 +30,11 @@ struct recording {
     uint32_t file_frames;
     bool split;              /* the next frame begins another recording */
     _Atomic uint32_t begins; /* bit N: after the queue's cut N (modulo their number) another recording begins */
-    uint64_t lost_store, lost_ring, lost_encode;      /* since the last frame that was put */
-    struct coded_frames coded;                        /* of MP4 files */
-    bool encoder_failed;                              /* reported; frames are lost */
-    uint64_t all_bytes, all_frames;                   /* put so far */
-    _Atomic uint32_t lost_store_last, lost_ring_last; /* after the last one */
+    uint64_t lost_store, lost_ring, lost_encode;                        /* since the last frame that was put */
+    struct coded_frames coded;                                          /* of MP4 files */
+    bool encoder_failed;                                                /* reported; frames are lost */
+    uint64_t all_bytes, all_frames;                                     /* put so far */
+    _Atomic uint32_t lost_store_last, lost_ring_last, lost_encode_last; /* after the last one */
     /* of the writing thread: */
     uint32_t session;        /* number of the first segment */
     struct segment *segment; /* NULL: before the first one, or after an error */
@@ -96,8 +96,8 @@ static void account(struct recording *recording, const unsigned char *bytes, siz
 static void begin_file(struct recording *recording) {
     struct segment *segment;
     const struct ddxvideo_geometry *geometry = &recording->plan.geometry;
-    int error =
-        segment_open(recording->plan.output, recording->plan.pool, recording->plan.book, recording->session, &segment);
+    int error = segment_open(recording->plan.output, recording->plan.pool, recording->plan.book,
+                             recording->plan.h264 ? &recording->coded.format : NULL, recording->session, &segment);
 
     if (error) {
         fail(recording, error);
@@ -110,7 +110,6 @@ static void begin_file(struct recording *recording) {
     if (recording->plan.pool)
         recording->session = segment->index->header.session;
     segment->begin = recording->position;
-    segment->format = recording->plan.h264 ? &recording->coded.format : NULL;
     flusher_add(&recording->flusher, segment);
     recording->segment = segment;
 }
@@ -181,6 +180,7 @@ static void *recording_write(void *argument) {
     if (recording->segment) {
         recording->segment->lost_store = recording->lost_store_last;
         recording->segment->lost_ring = recording->lost_ring_last;
+        recording->segment->lost_encode = recording->lost_encode_last;
         flusher_close_segment(&recording->flusher, recording->segment);
         recording->segment = NULL;
     }
@@ -251,6 +251,11 @@ static int init_coded_queue(struct recording *recording, size_t raw) {
     return frame_queue_init(&recording->queue, (unsigned)list, (size_t)(memory / list + 1));
 }
 
+/* Bytes of a file with a frame of `raw` bytes, at most. */
+static uint64_t least_file(const struct recording_plan *plan, size_t raw) {
+    return plan->h264 ? coded_frames_room(&plan->geometry) + mp4_table_room(1) : raw + Y4M_HEADER_WRITTEN;
+}
+
 int recording_begin(const struct recording_plan *plan, struct recording **result) {
     struct recording *recording = calloc(1, sizeof *recording);
 
@@ -267,7 +272,7 @@ int recording_begin(const struct recording_plan *plan, struct recording **result
                            : frame_queue_init(&recording->queue, plan->queue_frames, bytes);
     if (error)
         goto no_queue;
-    error = plan->pool && bytes + Y4M_HEADER_WRITTEN > pool_file_bytes(plan->pool) ? -EFBIG : 0;
+    error = plan->pool && least_file(plan, bytes) > pool_file_bytes(plan->pool) ? -EFBIG : 0;
     if (!error)
         error = flusher_start(&recording->flusher, plan->pool ? SECOND / 2 : SECOND * 3 / 4, &recording->error);
     if (error)
@@ -293,6 +298,7 @@ no_queue:
 void recording_close(struct recording *recording) {
     recording->lost_store_last = (uint32_t)recording->lost_store;
     recording->lost_ring_last = (uint32_t)recording->lost_ring;
+    recording->lost_encode_last = (uint32_t)recording->lost_encode;
     frame_queue_close(&recording->queue);
 }
 
@@ -318,9 +324,11 @@ static int64_t capture_time(const struct ddxvideo_picture *view, int64_t publish
     return view->stamp.time ? view->stamp.time : published;
 }
 
-/* Whether the current file has no space for that number of bytes, or for one more frame. */
+/* Whether the current file has no space for a frame of that many bytes at most, its table included. */
 static bool is_full(const struct recording *recording, size_t bytes) {
-    return recording->file_bytes + bytes > pool_file_bytes(recording->plan.pool) ||
+    size_t table = recording->plan.h264 ? mp4_table_room(recording->file_frames + 1) : 0;
+
+    return recording->file_bytes + bytes + table > pool_file_bytes(recording->plan.pool) ||
            recording->file_frames >= INDEX_ENTRIES;
 }
 
@@ -337,7 +345,21 @@ static bool end_file(struct recording *recording) {
     }
     recording->split = false;
     recording->file_bytes = recording->file_frames = 0;
+    if (recording->plan.h264)
+        coded_frames_next_file(&recording->coded);
     return true;
+}
+
+/*
+ * In a pool: ends the file if the next frame, of that many bytes at most and captured then, does not fit into it, or
+ * begins another recording. False if the frame cannot be put: the queue has no room for the end of a file.
+ */
+static bool choose_pool_file(struct recording *recording, size_t bytes, int64_t time) {
+    bool must = is_full(recording, bytes) || (recording->plan.h264 && coded_frames_is_gap(&recording->coded, time));
+
+    if (!recording->file_bytes || (!must && !recording->split))
+        return true;
+    return end_file(recording) || !must;
 }
 
 static bool refuse(struct recording *recording) {
@@ -353,7 +375,8 @@ static struct frame_queue_facts facts_of(const struct recording *recording, cons
                                       .sequence = frame->sequence,
                                       .frame = view->stamp.frame,
                                       .lost_store = (unsigned)recording->lost_store,
-                                      .lost_ring = (unsigned)recording->lost_ring};
+                                      .lost_ring = (unsigned)recording->lost_ring,
+                                      .lost_encode = (unsigned)recording->lost_encode};
 
     if (view->stamp.wall_offset && __builtin_add_overflow(facts.time, view->stamp.wall_offset, &facts.wall))
         facts.wall = 0;
@@ -372,7 +395,8 @@ static void is_put(struct recording *recording, size_t bytes) {
 
 bool recording_is_gap(const struct recording *recording, const struct ddxvideo_picture *view,
                       const struct recording_frame *frame) {
-    return recording->plan.h264 && coded_frames_is_gap(&recording->coded, capture_time(view, frame->published));
+    return recording->plan.h264 && !recording->plan.pool &&
+           coded_frames_is_gap(&recording->coded, capture_time(view, frame->published));
 }
 
 static void encoder_failed(struct recording *recording, int frame) {
@@ -396,8 +420,10 @@ static bool put_coded(struct recording *recording, const struct ddxvideo_picture
                           .lost_ring = facts.lost_ring,
                           .lost_encode = (uint32_t)recording->lost_encode};
     struct coded_frame coded;
+    size_t room = coded_frames_room(&recording->plan.geometry);
 
-    if (!frame_queue_has_room(&recording->queue, coded_frames_room(&recording->plan.geometry)))
+    if ((recording->plan.pool && !choose_pool_file(recording, room, facts.time)) ||
+        !frame_queue_has_room(&recording->queue, room))
         return refuse(recording);
     if (coded_frames_next(&recording->coded, view, &stamp, &coded)) {
         encoder_failed(recording, facts.frame);
@@ -418,10 +444,8 @@ static bool put_plain(struct recording *recording, const struct ddxvideo_picture
     char header[Y4M_HEADER_WRITTEN], line[Y4M_FRAME_LINE_WRITTEN];
     size_t bytes = video_layout_bytes(&recording->plan.geometry) + sizeof line;
 
-    if (recording->plan.pool && recording->file_bytes && (recording->split || is_full(recording, bytes)) &&
-        !end_file(recording) && is_full(recording, bytes))
+    if (recording->plan.pool && !choose_pool_file(recording, bytes, 0))
         return refuse(recording);
-
     struct frame_queue_facts facts = facts_of(recording, view, frame);
     bool first = !recording->file_bytes;
     if (first) {

@@ -68,7 +68,10 @@ struct recording_frame {
 bool recording_put(struct recording *recording, const struct ddxvideo_picture *view,
                    const struct recording_frame *frame);
 
-/* Whether this frame comes so long after the previous one that an MP4 file cannot express it. */
+/*
+ * Whether this frame comes so long after the previous one that an MP4 file cannot express it. In a pool never: there
+ * recording_put() begins the next file.
+ */
 bool recording_is_gap(const struct recording *recording, const struct ddxvideo_picture *view,
                       const struct recording_frame *frame);
 

@@ -10,6 +10,7 @@
 #include <sys/stat.h>
 #include <unistd.h>
 
+#include "index_mp4.h"
 #include "program.h"
 
 /* ---- The index of a pool file ---- */
@@ -28,6 +29,7 @@ static void segment_index_add(struct segment *segment, const struct frame_queue_
         header->head = segment->head;
         header->flags |= INDEX_HEAD;
     }
+    uint16_t flags = frame->facts.step & MP4_KEY ? INDEX_KEY : 0;
     struct index_entry *entry = &segment->index->entry[position];
     *entry = (struct index_entry){.recording = header->recording,
                                   .sequence = frame->facts.sequence,
@@ -38,7 +40,9 @@ static void segment_index_add(struct segment *segment, const struct frame_queue_
                                   .position = position,
                                   .frame = frame->facts.frame,
                                   .lost_store = frame->facts.lost_store,
-                                  .lost_ring = frame->facts.lost_ring};
+                                  .lost_ring = frame->facts.lost_ring,
+                                  .flags = flags,
+                                  .lost_encode = index_lost(0, frame->facts.lost_encode)};
     index_seal_entry(entry);
     segment->latency[position] = latency;
 }
@@ -105,8 +109,11 @@ static int segment_index_finish(struct segment *segment, bool failed) {
     index_end(segment->index, segment->promised);
     header->lost_store += segment->lost_store; /* lost after the last frame, so in no entry */
     header->lost_ring += segment->lost_ring;
+    header->lost_encode = index_lost(header->lost_encode, segment->lost_encode);
     /* Entries that were given up may follow the last valid one in its block: write that again without them. */
     int other = write_entries(segment, segment->promised - 1, segment->promised);
+    if (!other)
+        other = index_mp4_finish(&segment->file, segment->index); /* and its flush, before a header that promises it */
     if (!other)
         other = pool_write_header(&segment->file, header);
     if (!other)
@@ -157,6 +164,7 @@ static int open_pooled(const struct output *output, struct pool *pool, uint32_t 
         return error;
     header->recording = program_random();
     header->state = INDEX_RECORDING;
+    header->format = segment->format ? INDEX_MP4 : INDEX_Y4M;
     pool_name(pool, header, output->name, number);
     header->session = session ? session : number;
     snprintf(segment->path, sizeof segment->path, "%s/%s", output->place, header->name);
@@ -173,13 +181,14 @@ static void release(struct segment *segment) {
     free(segment);
 }
 
-int segment_open(const struct output *output, struct pool *pool, DDX_STATS_BOOK *book, uint32_t session,
-                 struct segment **result) {
+int segment_open(const struct output *output, struct pool *pool, DDX_STATS_BOOK *book, const struct mp4_format *format,
+                 uint32_t session, struct segment **result) {
     struct segment *segment = calloc(1, sizeof *segment);
 
     if (!segment)
         return -ENOMEM;
     segment->book = book;
+    segment->format = format;
     int error = pool ? open_pooled(output, pool, session, segment) : open_plain(output, segment);
     if (error)
         release(segment);
@@ -365,8 +374,9 @@ static void cut(struct segment *segment) {
 
 /* Makes a plain MP4 file of fragments. If that fails, they remain: the next recorder tries again. */
 static int write_table(struct segment *segment) {
-    int error =
+    int64_t bytes =
         segment->forgot ? -ENOMEM : mp4_finish(segment->fd, segment->format, segment->entries, segment->safe_frames);
+    int error = bytes < 0 ? (int)bytes : 0;
 
     if (error) {
         say("%s: has no table, so players cannot seek in it, %s; start the recorder again to add it", segment->path,

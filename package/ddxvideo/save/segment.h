@@ -47,18 +47,19 @@ struct segment {
     struct index_file *index;
     int64_t *latency; /* of each frame, from the store to the disk */
     DDX_STATS_BOOK *book;
-    uint32_t promised;                      /* frames in the index on the disk */
-    _Atomic uint32_t lost_store, lost_ring; /* frames lost after the last one */
-    struct segment *next;                   /* the next newer one */
+    uint32_t promised;                                   /* frames in the index on the disk */
+    _Atomic uint32_t lost_store, lost_ring, lost_encode; /* frames lost after the last one */
+    struct segment *next;                                /* the next newer one */
 };
 
 /*
  * Open the next file of `output`, of the pool unless that is NULL. 0 or -errno. The book counts a frame as out when it
  * is written, or in a pool when it is in the index on the disk, since only those frames survive this program.
- * `session`: number of the recording's first segment; 0 if this one is the first.
+ * `format`: of an MP4 file; it stays valid. NULL: Y4M. `session`: number of the recording's first segment; 0 if this
+ * one is the first.
  */
-int segment_open(const struct output *output, struct pool *pool, DDX_STATS_BOOK *book, uint32_t session,
-                 struct segment **segment);
+int segment_open(const struct output *output, struct pool *pool, DDX_STATS_BOOK *book, const struct mp4_format *format,
+                 uint32_t session, struct segment **segment);
 
 /* ---- The thread that writes ---- */
 

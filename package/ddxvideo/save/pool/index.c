@@ -58,6 +58,10 @@ uint32_t index_count(const struct index_file *index, uint64_t limit) {
     return count;
 }
 
+uint16_t index_lost(uint16_t before, uint64_t more) {
+    return more < (uint64_t)UINT16_MAX - before ? (uint16_t)(before + more) : UINT16_MAX;
+}
+
 void index_end(struct index_file *index, uint32_t frames) {
     struct index_header *header = &index->header;
     const struct index_entry *last = &index->entry[frames - 1];
@@ -65,10 +69,11 @@ void index_end(struct index_file *index, uint32_t frames) {
     header->state = INDEX_FINISHED;
     header->frames = frames;
     header->bytes = last->offset + last->bytes;
-    header->lost_store = header->lost_ring = 0;
+    header->lost_store = header->lost_ring = header->lost_encode = 0;
     for (uint32_t i = 0; i < frames; i++) {
         header->lost_store += index->entry[i].lost_store;
         header->lost_ring += index->entry[i].lost_ring;
+        header->lost_encode = index_lost(header->lost_encode, index->entry[i].lost_encode);
     }
 }
 

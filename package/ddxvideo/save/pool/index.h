@@ -30,6 +30,10 @@ enum index_state {
 #define INDEX_RECOVERED 1u /* finished by a later recorder, after a kill or a power cut */
 #define INDEX_HEAD 2u      /* `head` is valid; older recorders did not write it */
 
+enum { INDEX_Y4M, INDEX_MP4 }; /* format of the file */
+
+#define INDEX_KEY 1u /* a key frame of an MP4 file */
+
 /* Offset 0 of the index. */
 struct index_header {
     char magic[8];
@@ -47,8 +51,9 @@ struct index_header {
     char instance[64]; /* of the recorder; "" if an older recorder wrote the index */
     char name[192];    /* of the finished recording */
     uint32_t flags;    /* INDEX_RECOVERED, INDEX_HEAD */
-    uint32_t reserved;
-    uint32_t head; /* CRC-32C of the file's first line, which precedes the first frame */
+    uint16_t format;
+    uint16_t lost_encode; /* finished: missing frames, because the encoder failed; UINT16_MAX stands for more, too */
+    uint32_t head; /* CRC-32C of the bytes before the first frame: Y4M's first line, or block 0 as first written */
     uint32_t crc;  /* of all before */
 };
 
@@ -56,14 +61,15 @@ struct index_entry {
     uint64_t recording;
     uint64_t sequence;              /* in the store */
     int64_t time;                   /* of the capture, CLOCK_MONOTONIC, ns */
-    uint64_t offset;                /* of its FRAME line in the file */
-    uint32_t bytes;                 /* line and picture */
+    uint64_t offset;                /* in the file, of its FRAME line or fragment */
+    uint32_t bytes;                 /* line and picture, or the whole fragment */
     uint32_t sum;                   /* CRC-32C of these bytes */
     uint32_t position;              /* in the segment, from 0 */
     int32_t frame;                  /* the source's number */
     uint32_t lost_store, lost_ring; /* frames lost before this one */
-    uint32_t reserved;
-    uint32_t crc; /* of all before */
+    uint16_t flags;                 /* INDEX_KEY */
+    uint16_t lost_encode;           /* as the two above; UINT16_MAX stands for more, too */
+    uint32_t crc;                   /* of all before */
 };
 
 /* The whole index, as on the disk. */
@@ -86,8 +92,12 @@ bool index_good_entry(const struct index_entry *entry, uint64_t recording, uint3
  */
 uint32_t index_count(const struct index_file *index, uint64_t limit);
 
-/* End the recording after these frames, at least one: sets state, size and losses in the header. Seal it then. */
+/* End the recording after these frames, at least one: sets state, size and losses in the header. An MP4 file's table
+ * is not part of that size. Seal it then. */
 void index_end(struct index_file *index, uint32_t frames);
+
+/* The sum of two counts, for fields of 16 bits. */
+uint16_t index_lost(uint16_t before, uint64_t more);
 
 /* Read all of it. 0; -EBADMSG: not an index; or -errno. */
 int index_read(int fd, struct index_file *index);

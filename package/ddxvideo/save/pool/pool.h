@@ -4,9 +4,9 @@
  * file system changes while frames are written, and a power cut leaves none half changed.
  *
  * `<folder>/pool/<NNNNNN>.y4m` with its index `<NNNNNN>.index`. Names never change. A finished recording is the same
- * file with a second name, `<folder>/<item>-<NNNNNN>-<UTC>.y4m`. Several recorders of one user share a pool: each file
- * has a lock, and the pool has one for searches. Locks are bytes of `pool/lock`, which only the owner of the pool and
- * root can open, so that no other user can keep a recorder waiting (pool_files.c).
+ * file with a second name, `<folder>/<item>-<NNNNNN>-<UTC>.y4m` or .mp4. Several recorders of one user share a pool:
+ * each file has a lock, and the pool has one for searches. Locks are bytes of `pool/lock`, which only the owner of the
+ * pool and root can open, so that no other user can keep a recorder waiting (pool_files.c).
  */
 #ifndef DDXVIDEO_POOL_H
 #define DDXVIDEO_POOL_H

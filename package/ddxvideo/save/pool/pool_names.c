@@ -15,7 +15,8 @@
 
 const char *pool_name_number(const char *name, uint32_t *number) {
     size_t length = strlen(name);
-    const char *stamp = length > 4 && !strcmp(name + length - 4, ".y4m") ? strrchr(name, '-') : NULL;
+    const char *end_of = length > 4 ? name + length - 4 : "";
+    const char *stamp = !strcmp(end_of, ".y4m") || !strcmp(end_of, ".mp4") ? strrchr(name, '-') : NULL;
     const char *dash = stamp ? memrchr(name, '-', (size_t)(stamp - name)) : NULL;
     char *end;
 
@@ -92,7 +93,8 @@ void pool_name(const struct pool *pool, struct index_header *header, const char 
 
     snprintf(header->item, sizeof header->item, "%s", item);
     snprintf(header->instance, sizeof header->instance, "%s", pool->instance);
-    strftime(stamp, sizeof stamp, "%Y%m%dT%H%M%SZ.y4m", gmtime_r(&now, &utc));
+    strftime(stamp, sizeof stamp, header->format == INDEX_MP4 ? "%Y%m%dT%H%M%SZ.mp4" : "%Y%m%dT%H%M%SZ.y4m",
+             gmtime_r(&now, &utc));
     header->number = number;
     set_name(header, stamp);
 }

@@ -6,7 +6,10 @@
 #include "index.h"
 #include "pool_files.h"
 
-/* The number in a recording's name, <item>-<number>-<UTC>.y4m; returns the end of the item's name. NULL: no number. */
+/*
+ * The number in a recording's name, <item>-<number>-<UTC>.y4m or .mp4; returns the end of the item's name. NULL: no
+ * number.
+ */
 const char *pool_name_number(const char *name, uint32_t *number);
 
 /*
@@ -15,7 +18,7 @@ const char *pool_name_number(const char *name, uint32_t *number);
  */
 uint32_t pool_next_number(struct pool *pool);
 
-/* Write instance, item, number, and a name with the current time into the header. */
+/* Write instance, item, number, and a name with the current time into the header, whose format is set. */
 void pool_name(const struct pool *pool, struct index_header *header, const char *item, uint32_t number);
 
 /* Give up the oldest recording: its file is claimed, loses its name, and becomes INDEX_RAW. -ENOENT: there is none. */

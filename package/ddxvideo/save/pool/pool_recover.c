@@ -10,6 +10,7 @@
 #include <unistd.h>
 
 #include "crc32c.h"
+#include "index_mp4.h"
 #include "pool_files.h"
 #include "pool_names.h"
 #include "program.h"
@@ -53,7 +54,14 @@ static int finish(struct pool *pool, struct pool_file *file, struct index_file *
 
     index_end(index, frames);
     header->flags |= INDEX_RECOVERED;
-    int error = pool_write_header(file, header);
+    int error = index_mp4_finish(file, index);
+    if (error == -EBADMSG || error == -ENOSPC) {
+        say("%s: has no table, so players cannot seek in it: %s", header->name,
+            error == -ENOSPC ? strerror(-error) : "its first block is damaged");
+        error = 0;
+    }
+    if (!error)
+        error = pool_write_header(file, header);
     if (!error && fsync(file->index_fd))
         error = -errno;
     if (error) {
