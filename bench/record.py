@@ -77,6 +77,18 @@ def frozen(duration: int) -> list[Case]:
             Case("frozen-5s", FAULT_SECONDS, SOME, freeze=5)]
 
 
+H264 = "format=h264\n"
+
+
+def compressed(duration: int) -> list[Case]:
+    """MP4 files: their ring holds the frames of many seconds."""
+    return [Case("h264 slow", min(duration, 120), settings=H264),
+            Case("h264 slow ring-2", FAULT_SECONDS, SOME, settings=H264 + "ring=2\nquality=0\n", freeze=5),
+            Case("h264 frozen-2s", min(duration, 80), settings=H264, freeze=2, every=20),
+            Case("h264 frozen-5s", FAULT_SECONDS, settings=H264, freeze=5),
+            Case("h264 1080p", min(duration, 60), settings=H264, speed=FAST, natively=True, limit=8192)]
+
+
 def comparison(duration: int) -> list[Case]:
     """As in the paper, where ext3's journal caused stalls. The rarer the calls of fsync, the more data each writes."""
     return [Case(f"{file_system} {writer}{often}", min(duration, 60),
@@ -190,7 +202,7 @@ def campaign(made_of: Iterable[pathlib.Path], duration: int) -> Campaign:
 def main() -> int:
     options = command_line(__doc__, duration=600, cases="")
     WORK.mkdir(parents=True, exist_ok=True)
-    cases = [case for some in (slow_disk, full_hd, frozen, comparison) for case in some(options.duration)
+    cases = [case for some in (slow_disk, full_hd, frozen, compressed, comparison) for case in some(options.duration)
              if any(word in case.name for word in options.cases.split(","))]
     image = build.dev([native.build()])
     accel = qemu.acceleration(image)

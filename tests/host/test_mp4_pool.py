@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import itertools
+import json
 import os
 import pathlib
 import signal
@@ -12,7 +13,7 @@ import pytest
 from parts.media.crc32c import crc32c
 
 from .mp4 import fragments, probe, shown, stamps, table, top
-from .programs import (Counters, Desk, Process, ffmpeg, lost, make_clip, pictures, preload, start_recorder, stop,
+from .programs import (KEEP, Counters, Desk, Process, ffmpeg, lost, make_clip, pictures, preload, start_recorder, stop,
                        wait_for_recorder, wait_until)
 from .test_mp4 import even, write
 from .test_pool import ENTRY, HEADER, NAMED, index_of
@@ -328,3 +329,25 @@ def test_a_frame_that_no_file_can_hold(desk: Desk) -> None:
     clip = make_clip(desk.folder / "clip.y4m", "1920x1080", "25", 1)
     desk.run("ddxvideoload", clip, "-readers", "1")
     assert saver.wait(60) == 1 and "File too large" in desk.errors(saver)
+
+
+@pytest.mark.parametrize("quality, count, keep", [(18, 200, KEEP), (0, 60, 8)])
+def test_quality_gives_way_before_frames_do(desk: Desk, quality: int, count: int, keep: int) -> None:
+    """An encoder that needs 1.5 frame times at quality 18, and 0.5 at 26: frames are coarser, as many as necessary, and
+    counted. Lossless recordings stay lossless."""
+    library = preload("coded_faults", desk.folder)
+    saver = begin(desk, "-quality", quality, "-keep", keep, wrapper=("env", f"LD_PRELOAD={library}", "SLOW_MS=30"))
+    clip = make_clip(desk.folder / "clip.y4m", "64x48", "50", count)
+    assert desk.run("ddxvideoload", clip, "-readers", "1").returncode == 0
+    wait_until(lambda: bool(desk.stats("ddxvideosave")["in"] == count))
+    assert bool(desk.stats("ddxvideosave")["lost"]["store"]) != bool(quality)
+
+    def coarse() -> int:
+        text = desk.run("ddxctl", "show", "ddxvideosave.disk", "--json").stdout
+        return int(json.loads(text)["value"]["coarse"])
+
+    wait_until(lambda: 0 < coarse() < count or not quality)
+    assert bool(coarse()) == bool(quality)
+    status, counters = stop(saver)
+    assert status == 0 and counters["out"] + lost(counters) == count
+    assert check(desk)[1]["store"] == counters["lost"]["store"]

@@ -131,6 +131,14 @@ void h264_encoder_close(struct h264_encoder *encoder) {
     *encoder = (struct h264_encoder){.x264 = NULL};
 }
 
+void h264_encoder_set_quality(struct h264_encoder *encoder, long quality) {
+    x264_param_t param;
+
+    x264_encoder_parameters(encoder->x264, &param);
+    param.rc.f_rf_constant = (float)quality;
+    x264_encoder_reconfig(encoder->x264, &param); /* refuses no crf */
+}
+
 int h264_encode(struct h264_encoder *encoder, const struct ddxvideo_picture *picture, bool key, uint8_t *payload,
                 size_t payload_size, const uint8_t **data, size_t *size) {
     x264_sei_payload_t message = {.payload_size = (int)payload_size, .payload_type = STAMP_PAYLOAD, .payload = payload};

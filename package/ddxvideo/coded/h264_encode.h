@@ -37,6 +37,9 @@ int h264_encoder_open(struct h264_encoder *encoder, const struct ddxvideo_geomet
                       const struct h264_settings *settings, struct mp4_format *format);
 void h264_encoder_close(struct h264_encoder *encoder);
 
+/* Change the crf of an encoder that is not lossless, from the next picture on. */
+void h264_encoder_set_quality(struct h264_encoder *encoder, long quality);
+
 /*
  * Encode a picture, with this SEI payload of user data (`stamp.h`). *data: NAL units with lengths of 4 bytes, valid
  * until the next call. 0, or -EIO: then the next picture must be a key frame.

@@ -28,6 +28,10 @@ bool coded_frames_is_gap(const struct coded_frames *frames, int64_t time) {
     return mp4_times_is_gap(&frames->times, time);
 }
 
+void coded_frames_set_quality(struct coded_frames *frames, long quality) {
+    h264_encoder_set_quality(&frames->encoder, quality);
+}
+
 void coded_frames_next_file(struct coded_frames *frames) {
     frames->number = 0;
     frames->times = (struct mp4_times){.begun = false};

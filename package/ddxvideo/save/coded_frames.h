@@ -39,6 +39,9 @@ size_t coded_frames_room(const struct ddxvideo_geometry *geometry);
 /* Whether a frame with this capture time comes so long after the last one that a file cannot express it. */
 bool coded_frames_is_gap(const struct coded_frames *frames, int64_t time);
 
+/* Change the quality, if it is not lossless, from the next frame on. */
+void coded_frames_set_quality(struct coded_frames *frames, long quality);
+
 /* The next frame begins another file, with block 0 and a key frame. */
 void coded_frames_next_file(struct coded_frames *frames);
 

@@ -34,6 +34,7 @@ static void measure(struct disk_watch *watch, struct rate *rate) {
 static void look(struct disk_watch *watch, struct rate *rate) {
     struct free_space room;
 
+    encode_load_measure(watch->load);
     if (free_space_look(watch->place, &room))
         return; /* the old value stays; its time shows its age */
     measure(watch, rate);
@@ -42,7 +43,9 @@ static void look(struct disk_watch *watch, struct rate *rate) {
                            .rate = rate->bytes,
                            .seconds_left = rate->bytes && !watch->recycle ? (int64_t)(room.usable / rate->bytes) : -1,
                            .ready = room.ready,
-                           .recording = !watch->paused};
+                           .recording = !watch->paused,
+                           .coarse = watch->load->coarse,
+                           .encoding = watch->load->percent};
     ddx_store_write(watch->item, &disk, NULL);
 }
 

@@ -11,6 +11,8 @@
 #include <stdatomic.h>
 #include <stdbool.h>
 
+#include "encode_load.h"
+
 /* The value of the item. The layout is the same for 32-bit and 64-bit programs. */
 DDX_STORE_TYPE(
     DDX_DISK, struct {
@@ -20,12 +22,15 @@ DDX_STORE_TYPE(
         int64_t seconds_left; /* at this rate; -1: nothing is recorded, or the oldest recordings make room */
         uint32_t ready;       /* prepared files ahead */
         uint32_t recording;   /* 1; 0: paused by a command */
+        uint32_t coarse;      /* frames encoded with less quality than asked for, because time or queue were short */
+        uint32_t encoding;    /* % of a processor that encoding took in the last 10 s */
     });
 
 struct disk_watch {
     const char *place;
     bool recycle;
     DDX_STATS_BOOK *book;
+    struct encode_load *load;
     atomic_uint frame_bytes; /* of the current recording */
     atomic_bool paused;
     /* private: */

@@ -341,6 +341,8 @@ static void record(struct recorder *recorder) {
     while (!program_stopping() && !recorder->done) {
         take_frame(recorder, recorder->follows ? READ_TIMEOUT : 0, INT64_MAX); /* only followed frames count */
         tell_waiting(recorder);
+        if (recorder->coded)
+            encode_load_yield(&recorder->load);
         commands_tick(recorder);
         program_tick(recorder->book);
         recorder_finish_former(recorder, false);
@@ -445,6 +447,7 @@ int recorder_run(struct recorder *recorder) {
         recorder->disk.place = recorder->place;
         recorder->disk.recycle = recorder->recycle;
         recorder->disk.book = recorder->book;
+        recorder->disk.load = &recorder->load;
         recorder->disk.paused = recorder->paused;
         if (recorder->output.is_folder)
             disk_watch_start(&recorder->disk, id, recorder->program.instance);

@@ -6,8 +6,11 @@
 #include <inttypes.h>
 #include <string.h>
 
+#include "ddx_time.h"
 #include "video_layout.h"
 #include "y4m.h"
+
+#define RATE_UNKNOWN 25 /* frames a second of an item that does not tell */
 
 /* ---- Former recordings ---- */
 
@@ -94,10 +97,15 @@ void recorder_end_file(struct recorder *recorder) {
         pool_recorded_at(recorder->pool, 0);
 }
 
+static double rate_of(const struct ddxvideo_geometry *geometry) {
+    return geometry->rate_num > 0 && geometry->rate_den > 0 ? (double)geometry->rate_num / geometry->rate_den
+                                                            : RATE_UNKNOWN;
+}
+
 /* Passes on the recording's rate, by which files are prepared and the remaining time is reported. */
-static void tell_rate(struct recorder *recorder, const struct ddxvideo_geometry *geometry) {
-    unsigned bytes = (unsigned)video_layout_bytes(geometry);
-    double rate = geometry->rate_num && geometry->rate_den ? (double)geometry->rate_num / geometry->rate_den : 30;
+static void tell_rate(struct recorder *recorder) {
+    unsigned bytes = recording_frame_bytes(recorder->recording);
+    double rate = rate_of(&recorder->geometry);
 
     recorder->disk.frame_bytes = bytes;
     if (recorder->pool)
@@ -122,6 +130,7 @@ static void begin_file(struct recorder *recorder, const struct ddxvideo_picture 
     struct recording_plan plan = {.output = &recorder->output,
                                   .pool = recorder->pool,
                                   .geometry = view->geometry,
+                                  .load = &recorder->load,
                                   .h264 = recorder->coded ? &recorder->h264 : NULL,
                                   .queue_frames = frames,
                                   .turn = &recorder->turn,
@@ -136,7 +145,7 @@ static void begin_file(struct recorder *recorder, const struct ddxvideo_picture 
         return;
     }
     recorder->lost_store = recorder->lost_ring = 0;
-    tell_rate(recorder, &view->geometry);
+    tell_rate(recorder);
 }
 
 static bool same_header(const struct ddxvideo_geometry *a, const struct ddxvideo_geometry *b) {
@@ -234,7 +243,7 @@ static bool put_into_queue(struct recorder *recorder, const struct ddxvideo_pict
 
         recorder->level = recording_level(recorder->recording);
         if (recorder->coded)
-            recorder->disk.frame_bytes = recording_frame_bytes(recorder->recording);
+            tell_rate(recorder);
         return has_room;
     }
     ddx_stats_lost(recorder->book, LOST_RING, 1);
@@ -336,6 +345,16 @@ static void refuse_layout(struct recorder *recorder, const struct ddxvideo_geome
     recorder->done = true;
 }
 
+/* How much of the time that the store keeps a frame has passed, %. */
+static unsigned how_late(const struct recorder *recorder, const struct ddx_frame *frame) {
+    double age = (double)(ddx_time_now() - frame->time) / SECOND;
+    double frames = age * rate_of(&recorder->geometry);
+
+    return frames <= 0 || !recorder->keep ? 0
+           : frames < recorder->keep      ? (unsigned)(frames * 100 / recorder->keep)
+                                          : 100;
+}
+
 void recorder_handle(struct recorder *recorder, const struct ddx_frame *frame) {
     struct ddxvideo_picture view;
 
@@ -350,7 +369,7 @@ void recorder_handle(struct recorder *recorder, const struct ddx_frame *frame) {
         look(recorder, &view);
     bool wanted = decimate_wants(&recorder->decimate, frame->sequence, 1);
     uint64_t missed = decimate_wants(&recorder->decimate, frame->sequence - 1, frame->missed);
-    struct recording_frame facts = {frame->time, frame->sequence, missed};
+    struct recording_frame facts = {frame->time, frame->sequence, missed, how_late(recorder, frame)};
     ddx_stats_skipped(recorder->book, frame->missed - missed);
     if (recorder->done) {
         if (wanted)

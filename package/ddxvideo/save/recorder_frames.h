@@ -41,6 +41,7 @@ struct recorder {
     DDX_REQUESTS *requests; /* commands to this recorder */
     struct pool *pool;
     struct disk_watch disk;
+    struct encode_load load;
     struct preroll preroll;            /* while it is paused */
     struct ddxvideo_geometry geometry; /* of the newest picture */
     atomic_uint level;                 /* of the queue, % */

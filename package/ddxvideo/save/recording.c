@@ -32,6 +32,7 @@ struct recording {
     _Atomic uint32_t begins; /* bit N: after the queue's cut N (modulo their number) another recording begins */
     uint64_t lost_store, lost_ring, lost_encode;                        /* since the last frame that was put */
     struct coded_frames coded;                                          /* of MP4 files */
+    bool coarse;                                                        /* quality gives way */
     bool encoder_failed;                                                /* reported; frames are lost */
     uint64_t all_bytes, all_frames;                                     /* put so far */
     _Atomic uint32_t lost_store_last, lost_ring_last, lost_encode_last; /* after the last one */
@@ -407,6 +408,23 @@ static void encoder_failed(struct recording *recording, int frame) {
     recording->lost_encode++;
 }
 
+#define COARSER 8   /* in crf: half the bits, and time */
+#define GIVE_WAY 50 /* %, of the queue, or of the time that the store keeps a frame */
+#define GIVEN_WAY 25
+
+static void choose_quality(struct recording *recording, const struct recording_frame *frame) {
+    unsigned level = frame_queue_level(&recording->queue), most = frame->late > level ? frame->late : level;
+    bool coarse = most >= GIVE_WAY || (recording->coarse && most >= GIVEN_WAY);
+    long quality = recording->plan.h264->quality;
+
+    if (!quality) /* lossless */
+        return;
+    if (coarse != recording->coarse)
+        coded_frames_set_quality(&recording->coded, coarse ? quality + COARSER : quality);
+    recording->coarse = coarse;
+    recording->plan.load->coarse += coarse;
+}
+
 /* The queue must have room for any frame before it is encoded: later frames refer to each that was. */
 static bool put_coded(struct recording *recording, const struct ddxvideo_picture *view,
                       const struct recording_frame *frame) {
@@ -425,7 +443,11 @@ static bool put_coded(struct recording *recording, const struct ddxvideo_picture
     if ((recording->plan.pool && !choose_pool_file(recording, room, facts.time)) ||
         !frame_queue_has_room(&recording->queue, room))
         return refuse(recording);
-    if (coded_frames_next(&recording->coded, view, &stamp, &coded)) {
+    choose_quality(recording, frame);
+    int64_t begin = encode_load_now();
+    int error = coded_frames_next(&recording->coded, view, &stamp, &coded);
+    recording->plan.load->spent += (uint64_t)(encode_load_now() - begin);
+    if (error) {
         encoder_failed(recording, facts.frame);
         return true;
     }

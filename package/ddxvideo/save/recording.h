@@ -10,6 +10,7 @@
 #include <pthread.h>
 
 #include "ddxvideo.h"
+#include "encode_load.h"
 #include "h264_encode.h"
 #include "output.h"
 #include "segment.h"
@@ -26,6 +27,7 @@ struct recording_plan {
     const struct output *output;
     struct pool *pool; /* NULL: one file */
     struct ddxvideo_geometry geometry;
+    struct encode_load *load;         /* of MP4: counts time and coarser frames */
     const struct h264_settings *h264; /* MP4 with H.264, of a geometry that h264_refusal() takes; NULL: Y4M */
     unsigned queue_frames;
     struct recording_turn *turn;
@@ -58,12 +60,14 @@ struct recording_frame {
     int64_t published; /* time of its write into the store */
     uint64_t sequence; /* in the store */
     uint64_t missed;   /* frames lost in the store before it */
+    unsigned late;     /* %: of the time that the store keeps it, so much had passed when it was taken */
 };
 
 /*
- * Copy a frame into the queue, encoded if `plan.h264` is set. Never waits for the disk. False if the queue is full:
- * then the frame is counted as lost, also in the index entry or stamp of the next one. So is a frame whose encoding
- * failed; a line reports that, and the result is true.
+ * Copy a frame into the queue, encoded if `plan.h264` is set. Quality gives way before frames do: as soon as frames are
+ * taken late, or the queue is half full, frames are coarser until that is over. Never waits for the disk. False if the
+ * queue is full: then the frame is counted as lost, also in the index entry or stamp of the next one. So is a frame
+ * whose encoding failed; a line reports that, and the result is true.
  */
 bool recording_put(struct recording *recording, const struct ddxvideo_picture *view,
                    const struct recording_frame *frame);

@@ -5,6 +5,7 @@ import struct
 import subprocess
 from collections.abc import Iterator
 
+from parts.common import run
 from parts.media.y4m import Malformed
 
 
@@ -21,6 +22,13 @@ def boxes(path: pathlib.Path) -> list[str]:
             if length < 1 or at > size:
                 raise Malformed(f"{path.name}: its boxes do not end with the file")
     return kinds
+
+
+def size(path: pathlib.Path) -> tuple[int, int]:
+    """Width and height of its pictures."""
+    found = run(["ffprobe", "-v", "error", "-show_entries", "stream=width,height", "-of", "csv=p=0", path])
+    width, height = map(int, found.strip().split(","))
+    return width, height
 
 
 def is_finished(path: pathlib.Path) -> bool:

@@ -3,12 +3,12 @@
 and the programs' counters, which are independent of each other."""
 import dataclasses
 import pathlib
-from collections.abc import Iterable
+from collections.abc import Iterable, Iterator
 
 import numpy
 
 from parts.common import MEMORY, scratch
-from parts.media import y4m
+from parts.media import mp4, y4m
 from parts.media.clip import HEIGHT, WIDTH, frame_number
 from parts.media.counters import Counters, adds_up, agree
 from parts.media.recording import FileSystem
@@ -43,6 +43,15 @@ def numbers_lost(found: Found, numbers: Iterable[int | None], clip: int) -> None
     found.longest = max(found.longest, behind)
 
 
+def _shown(path: pathlib.Path, coded: bool) -> Iterator[int | None]:
+    """The numbers in a file's pictures."""
+    if coded:
+        width, height = mp4.size(path)
+        return (frame_number(data, width, height) for data in mp4.pictures(path, width * height * 3 // 2))
+    header, frames = y4m.read(path)
+    return (frame_number(frame.data, header.width, header.height) for frame in frames)
+
+
 def _numbers(disk: FileSystem, found: Found, clip: int) -> Iterable[int | None]:
     """The numbers in all pictures, file by file; compares each with its entry in the index."""
     with scratch(MEMORY) as folder:
@@ -52,13 +61,12 @@ def _numbers(disk: FileSystem, found: Found, clip: int) -> Iterable[int | None]:
             index = indexes[file]
             path = disk.take(file, folder / "file")
             agree(found.disagreements, f"{file}: bytes", path.stat().st_size, index.bytes)
-            header, frames = y4m.read(path)
-            pictures = [frame_number(frame.data, header.width, header.height) for frame in frames]
+            pictures = list(_shown(path, file.endswith(".mp4")))
             agree(found.disagreements, f"{file}: pictures", len(pictures), len(index.entries))
             for picture, entry in zip(pictures, index.entries):
                 found.wrong += picture is None or picture % clip != (entry.sequence - 1) % clip
                 agree(found.disagreements, f"{file}: lost before frame {entry.sequence}, by its entry",
-                      entry.sequence - last - 1, entry.lost_store + entry.lost_ring)
+                      entry.sequence - last - 1, entry.lost)
                 last = entry.sequence
             lost += index.lost
             yield from pictures

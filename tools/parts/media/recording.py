@@ -53,7 +53,7 @@ class FileSystem:
                 if name.endswith(".y4m")}
         found: list[tuple[int, str, int]] = []  # number, name, number of the first file
         for name, inode in self._files("/").items():
-            match = re.fullmatch(r"(.*)-(\d+)-\d+T\d+Z\.y4m", name)
+            match = re.fullmatch(r"(.*)-(\d+)-\d+T\d+Z\.(?:y4m|mp4)", name)
             if match and item in ("", match[1]):
                 number = int(match[2])
                 found.append((number, name, self._session(pool[inode]) if inode in pool else number))
@@ -68,9 +68,10 @@ class FileSystem:
 
     def lost(self) -> list[str]:
         """A line for each gap in the recordings, with the lost frames."""
-        return [f"{name}: before frame {position}: {entry.lost_store} lost in the store, {entry.lost_ring} in the ring"
+        return [f"{name}: before frame {position}: {entry.lost_store} lost in the store, "
+                f"{entry.lost_ring} in the ring, {entry.lost_encode} in the encoder"
                 for name, index in sorted(self.indexes().items()) for position, entry in enumerate(index.entries)
-                if entry.lost_store or entry.lost_ring]
+                if entry.lost]
 
     def take_only(self, item: str, into: pathlib.Path) -> pathlib.Path:
         """Extract the only recording of an item ("": of any) into one file."""
