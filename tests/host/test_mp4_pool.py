@@ -80,7 +80,7 @@ def raw(path: pathlib.Path, size: int) -> list[bytes]:
 
 def noise(path: pathlib.Path, frames: int) -> pathlib.Path:
     """Of which a lossless frame is larger than a raw one, so that files are full soon."""
-    path.write_bytes(ffmpeg("-f", "lavfi", "-i", "nullsrc=size=480x360:rate=25,noise=alls=100:allf=t", "-frames:v",
+    path.write_bytes(ffmpeg("-f", "lavfi", "-i", "testsrc2=size=320x240:rate=25,noise=alls=100:allf=t", "-frames:v",
                             frames, "-pix_fmt", "yuv420p", "-f", "yuv4mpegpipe", "-"))
     return path
 
@@ -106,12 +106,12 @@ def play(desk: Desk, clip: pathlib.Path, splits: int, count: int) -> int:
 
 def test_full_files_and_splits(desk: Desk) -> None:
     """No frame is missing or twice, and each file decodes alone."""
-    assert play(desk, noise(desk.folder / "clip.y4m", 20), 2, 55) > 5
+    assert play(desk, noise(desk.folder / "clip.y4m", 20), 2, 75) > 4
 
 
 @pytest.mark.long
 def test_100_full_files_and_100_splits(desk: Desk) -> None:
-    assert play(desk, noise(desk.folder / "clip.y4m", 20), 100, 2000) > 200
+    assert play(desk, noise(desk.folder / "clip.y4m", 20), 100, 3400) > 200
 
 
 def test_a_gap_begins_the_next_file(desk: Desk) -> None:
@@ -321,6 +321,29 @@ def test_a_damaged_first_block(desk: Desk) -> None:
     assert (index_of(path).state, index_of(path).frames) == (NAMED, 10)
     done = run(desk, "verify")
     assert done.returncode == 1 and "its first block, the MP4 header, is not" in done.stderr
+
+
+@pytest.mark.parametrize("ring", [64, 4])
+def test_pre_roll(desk: Desk, ring: int) -> None:
+    """It waits encoded, and begins with a key frame; the recording goes on with the same encoder. The first one has
+    more bytes than a file, and the second one less memory than from key frame to key frame."""
+    played = pictures(noise(desk.folder / "clip.y4m", 25))
+    saver = begin(desk, "-quality", "0", "-start", "paused", "-pre-roll", "2", "-ring", ring)
+    loader = desk.start("ddxvideoload", "clip.y4m", "-loop", "-readers", "1")
+    reached(desk, "skipped", 5)
+    newest = desk.sequence("video")
+    command(desk, "start")
+    reached(desk, "in", 45)
+    command(desk, "stop")
+    assert stop(loader)[0] == 0
+    status, counters = stop(saver)
+    assert status == 0 and lost(counters) == 0
+    numbers, _ = check(desk)
+    assert len(numbers) == counters["in"] == counters["out"] and (numbers[0] <= newest or ring == 4)
+    assert numbers == list(range(numbers[0], numbers[0] + len(numbers)))
+    shown = [picture for path in files(desk) for picture in raw(path, len(played[0]))]
+    assert shown == [played[(number - 1) % 25] for number in numbers]
+    assert len(files(desk)) > 1
 
 
 def test_a_frame_that_no_file_can_hold(desk: Desk) -> None:

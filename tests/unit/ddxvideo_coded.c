@@ -63,7 +63,7 @@ static void add(int fd, const void *bytes, size_t size) {
 /* Records all pictures as the recorder does; the file is not finished. Returns its size. */
 static off_t record(const struct ddxvideo_geometry *geometry, long quality) {
     struct h264_encoder encoder;
-    uint8_t head[MP4_BLOCK], payload[STAMP_MAX], begin[MP4_FRAGMENT];
+    uint8_t head[MP4_BLOCK], nal[STAMP_NAL_MAX], begin[MP4_FRAGMENT];
     int fd = open(path, O_RDWR | O_TRUNC | O_CLOEXEC);
     int64_t before = 0;
 
@@ -90,11 +90,13 @@ static off_t record(const struct ddxvideo_geometry *geometry, long quality) {
         size_t size;
 
         video_layout_place(&picture, raw[i]);
-        CHECK_EQUAL(h264_encode(&encoder, &picture, stamp.key, payload, stamp_write(payload, &stamp), &data, &size), 0);
+        CHECK_EQUAL(h264_encode(&encoder, &picture, stamp.key, &data, &size), 0);
+        size_t nal_size = stamp_write_nal(nal, &stamp);
         CHECK(size < 2 * video_layout_bytes(geometry) + H264_ROOM);
-        fragment.bytes = (uint32_t)size;
+        fragment.bytes = (uint32_t)(nal_size + size);
         mp4_write_fragment(begin, &fragment);
         add(fd, begin, sizeof begin);
+        add(fd, nal, nal_size);
         add(fd, data, size);
         entries[i] = (struct mp4_entry){fragment.bytes,
                                         (uint32_t)((int64_t)fragment.time - before) | (fragment.key ? MP4_KEY : 0)};

@@ -5,7 +5,6 @@
 #include <stdlib.h>
 #include <string.h>
 
-#include "stamp.h"
 #include "video_layout.h"
 
 #define RATE_UNKNOWN 25
@@ -139,9 +138,8 @@ void h264_encoder_set_quality(struct h264_encoder *encoder, long quality) {
     x264_encoder_reconfig(encoder->x264, &param); /* refuses no crf */
 }
 
-int h264_encode(struct h264_encoder *encoder, const struct ddxvideo_picture *picture, bool key, uint8_t *payload,
-                size_t payload_size, const uint8_t **data, size_t *size) {
-    x264_sei_payload_t message = {.payload_size = (int)payload_size, .payload_type = STAMP_PAYLOAD, .payload = payload};
+int h264_encode(struct h264_encoder *encoder, const struct ddxvideo_picture *picture, bool key, const uint8_t **data,
+                size_t *size) {
     x264_picture_t in, out;
     x264_nal_t *nal;
     int count;
@@ -149,8 +147,6 @@ int h264_encode(struct h264_encoder *encoder, const struct ddxvideo_picture *pic
     x264_picture_init(&in);
     in.i_type = key ? X264_TYPE_IDR : X264_TYPE_P;
     in.i_pts = encoder->number++;
-    in.extra_sei.num_payloads = 1;
-    in.extra_sei.payloads = &message;
     in.img.i_csp = colour_space(encoder->geometry.format);
     in.img.i_plane = 3;
     for (int i = 0; i < 3; i++) { /* x264 copies them */

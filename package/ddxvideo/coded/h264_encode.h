@@ -41,10 +41,10 @@ void h264_encoder_close(struct h264_encoder *encoder);
 void h264_encoder_set_quality(struct h264_encoder *encoder, long quality);
 
 /*
- * Encode a picture, with this SEI payload of user data (`stamp.h`). *data: NAL units with lengths of 4 bytes, valid
- * until the next call. 0, or -EIO: then the next picture must be a key frame.
+ * Encode a picture. *data: NAL units with lengths of 4 bytes, valid until the next call. 0, or -EIO: then the next
+ * picture must be a key frame.
  */
-int h264_encode(struct h264_encoder *encoder, const struct ddxvideo_picture *picture, bool key, uint8_t *payload,
-                size_t payload_size, const uint8_t **data, size_t *size);
+int h264_encode(struct h264_encoder *encoder, const struct ddxvideo_picture *picture, bool key, const uint8_t **data,
+                size_t *size);
 
 #endif

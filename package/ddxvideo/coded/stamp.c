@@ -17,7 +17,8 @@
 static const uint8_t uuid[UUID] = {0x6f, 0x2b, 0x8d, 0x1e, 0x94, 0x57, 0x4c, 0xa3,
                                    0xb0, 0x3d, 0x5e, 0x71, 0xc8, 0x26, 0xda, 0x49};
 
-_Static_assert(WHOLE <= STAMP_MAX, "room for it");
+_Static_assert(WHOLE <= STAMP_MAX && WHOLE < 255, "room for it, and a size of one byte");
+_Static_assert(4 + (3 + STAMP_MAX + 1) * 3 / 2 <= STAMP_NAL_MAX, "room for a 3 after each two zeros");
 
 size_t stamp_write(uint8_t to[STAMP_MAX], const struct stamp *stamp) {
     const struct ddxvideo_geometry *g = &stamp->geometry;
@@ -40,6 +41,25 @@ size_t stamp_write(uint8_t to[STAMP_MAX], const struct stamp *stamp) {
     for (int i = 0; i < 10; i++)
         at = put32(at, (uint32_t)numbers[i]);
     return WHOLE;
+}
+
+size_t stamp_write_nal(uint8_t to[STAMP_NAL_MAX], const struct stamp *stamp) {
+    uint8_t plain[3 + STAMP_MAX + 1] = {SEI, STAMP_PAYLOAD};
+    size_t size = stamp_write(plain + 3, stamp), used = 4;
+
+    plain[2] = (uint8_t)size;
+    size += 3;
+    plain[size++] = 0x80; /* the end of a NAL unit's content */
+    for (size_t i = 0, zeros = 0; i < size; i++) {
+        if (zeros >= 2 && plain[i] <= 3) {
+            to[used++] = 3; /* no start code may appear in it */
+            zeros = 0;
+        }
+        zeros = plain[i] ? 0 : zeros + 1;
+        to[used++] = plain[i];
+    }
+    put32(to, (uint32_t)(used - 4));
+    return used;
 }
 
 static bool parse(const uint8_t *from, size_t size, struct stamp *stamp) {

@@ -11,6 +11,7 @@
 
 #define STAMP_MAX 160   /* bytes of a payload */
 #define STAMP_PAYLOAD 5 /* its type in H.264: user data with a UUID */
+#define STAMP_NAL_MAX 256
 
 struct stamp {
     uint64_t sequence;                           /* in the store */
@@ -25,6 +26,9 @@ struct stamp {
 
 /* Write the payload; its size. */
 size_t stamp_write(uint8_t to[STAMP_MAX], const struct stamp *stamp);
+
+/* As a whole NAL unit, with its length of 4 bytes; its size. It goes before the frame's other NAL units. */
+size_t stamp_write_nal(uint8_t to[STAMP_NAL_MAX], const struct stamp *stamp);
 
 /* Find the payload in a frame of an MP4 file, whose NAL units have lengths of 4 bytes. False: none, or a bad one. */
 bool stamp_read(const uint8_t *frame, size_t size, struct stamp *stamp);

@@ -7,19 +7,28 @@
 #include "recording.h"
 
 struct preroll {
-    int64_t seconds; /* wanted; 0: none */
+    int64_t seconds;                  /* wanted; 0: none */
+    const struct h264_settings *h264; /* pictures wait encoded; NULL: as they are */
+    struct encode_load *load;         /* counts their encoding */
     /* private: */
     struct ddxvideo_geometry geometry; /* of its pictures */
     struct ddxvideo_picture *picture;  /* their planes are in `memory` */
     struct recording_frame *frame;
     unsigned char *memory;
-    size_t bytes; /* of each */
+    size_t bytes;                   /* of each; of all if they are encoded */
+    struct coded_frames frames;     /* the encoder */
+    struct coded_picture *coded;    /* encoded pictures, in `memory`; NULL: they are not encoded */
+    size_t end;                     /* where the next one goes */
+    struct recording_encoded taken; /* the last one that was taken out */
     unsigned limit, oldest, count;
     uint64_t missed; /* since the newest */
 };
 
+/* The encoder of the pictures that wait, for the recording that takes them. */
+struct coded_frames *preroll_encoder(struct preroll *preroll);
+
 /*
- * Seconds of such pictures that fit: they take three quarters of a queue of that number of frames.
+ * Seconds of such pictures, not encoded, that fit: they take three quarters of a queue of that number of frames.
  */
 int64_t preroll_seconds_max(const struct ddxvideo_geometry *geometry, unsigned queue_frames);
 
@@ -36,7 +45,10 @@ uint64_t preroll_put(struct preroll *preroll, unsigned queue_frames, const struc
  */
 uint64_t preroll_missed(struct preroll *preroll, uint64_t frames);
 
-/* Take out the oldest picture, which is valid until the next preroll_put(). False if there is none. */
+/*
+ * Take out the oldest picture, which is valid until the next call that puts or takes. The first encoded one is a key
+ * frame. False if there is none.
+ */
 bool preroll_take(struct preroll *preroll, struct ddxvideo_picture *view, struct recording_frame *frame);
 
 /* How many frames were missed after the last picture. They are forgotten. */

@@ -220,7 +220,7 @@ static int check_request(const struct recorder *recorder, const DDX_REQUEST *req
                      name);
             return -EACCES;
         }
-        int64_t fits = recorder->geometry.width /* otherwise not known yet; a later line reports it */
+        int64_t fits = recorder->geometry.width && !recorder->coded /* otherwise not known */
                            ? preroll_seconds_max(&recorder->geometry, recorder_ring_frames(recorder))
                            : PRE_ROLL_MAX;
         if (command->execute == set_pre_roll && value > fits) {
@@ -447,7 +447,8 @@ int recorder_run(struct recorder *recorder) {
         recorder->disk.place = recorder->place;
         recorder->disk.recycle = recorder->recycle;
         recorder->disk.book = recorder->book;
-        recorder->disk.load = &recorder->load;
+        recorder->disk.load = recorder->preroll.load = &recorder->load;
+        recorder->preroll.h264 = recorder->coded ? &recorder->h264 : NULL;
         recorder->disk.paused = recorder->paused;
         if (recorder->output.is_folder)
             disk_watch_start(&recorder->disk, id, recorder->program.instance);

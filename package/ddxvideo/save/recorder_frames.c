@@ -116,7 +116,8 @@ static void tell_rate(struct recorder *recorder) {
  * Begins a file for pictures of this geometry. Former files may still be written by their own threads; if their queues
  * leave no memory for one more, nothing is recorded for now.
  */
-static void begin_file(struct recorder *recorder, const struct ddxvideo_picture *view) {
+static void begin_file(struct recorder *recorder, const struct ddxvideo_picture *view,
+                       const struct recording_frame *frame) {
     unsigned frames = recorder_ring_frames(recorder);
     uint64_t bytes = frames * recording_frame_memory(&view->geometry);
 
@@ -132,6 +133,7 @@ static void begin_file(struct recorder *recorder, const struct ddxvideo_picture 
                                   .geometry = view->geometry,
                                   .load = &recorder->load,
                                   .h264 = recorder->coded ? &recorder->h264 : NULL,
+                                  .coded = frame->encoded ? preroll_encoder(&recorder->preroll) : NULL,
                                   .queue_frames = frames,
                                   .turn = &recorder->turn,
                                   .lost_store = recorder->lost_store,
@@ -159,7 +161,7 @@ static bool recorder_choose_file(struct recorder *recorder, const struct ddxvide
     if (!recorder->recording || recorder->output.is_folder) {
         if (!recorder->recording || !same_header(recording_geometry(recorder->recording), &view->geometry) ||
             recording_is_gap(recorder->recording, view, frame))
-            begin_file(recorder, view);
+            begin_file(recorder, view, frame);
         return !recorder->done;
     }
     const struct ddxvideo_geometry *now = recording_geometry(recorder->recording);
@@ -369,7 +371,7 @@ void recorder_handle(struct recorder *recorder, const struct ddx_frame *frame) {
         look(recorder, &view);
     bool wanted = decimate_wants(&recorder->decimate, frame->sequence, 1);
     uint64_t missed = decimate_wants(&recorder->decimate, frame->sequence - 1, frame->missed);
-    struct recording_frame facts = {frame->time, frame->sequence, missed, how_late(recorder, frame)};
+    struct recording_frame facts = {frame->time, frame->sequence, missed, how_late(recorder, frame), NULL};
     ddx_stats_skipped(recorder->book, frame->missed - missed);
     if (recorder->done) {
         if (wanted)

@@ -30,11 +30,11 @@ struct recording {
     uint32_t file_frames;
     bool split;              /* the next frame begins another recording */
     _Atomic uint32_t begins; /* bit N: after the queue's cut N (modulo their number) another recording begins */
-    uint64_t lost_store, lost_ring, lost_encode;                        /* since the last frame that was put */
-    struct coded_frames coded;                                          /* of MP4 files */
-    bool coarse;                                                        /* quality gives way */
-    bool encoder_failed;                                                /* reported; frames are lost */
-    uint64_t all_bytes, all_frames;                                     /* put so far */
+    uint64_t lost_store, lost_ring, lost_encode; /* since the last frame that was put */
+    struct coded_frames coded;                   /* of MP4 files */
+    bool waits;                                  /* for a key frame: a frame that was encoded before is missing */
+    bool encoder_failed;                         /* reported; frames are lost */
+    uint64_t all_bytes, all_frames;              /* put so far */
     _Atomic uint32_t lost_store_last, lost_ring_last, lost_encode_last; /* after the last one */
     /* of the writing thread: */
     uint32_t session;        /* number of the first segment */
@@ -235,21 +235,39 @@ unsigned recording_queue_frames(const struct ddxvideo_geometry *geometry, unsign
 #define CODED_LEAST 2048   /* bytes of a frame, for the length of the list */
 #define CODED_LIST_MAX 8192
 
-/* For encoded frames: the memory of the usual queue, within bounds, and a longer list of frames. */
-static int init_coded_queue(struct recording *recording, size_t raw) {
-    uint64_t memory = (uint64_t)recording->plan.queue_frames * raw, least = CODED_FRAMES_MIN * (uint64_t)raw;
+size_t recording_coded_memory(const struct ddxvideo_geometry *geometry, unsigned queue_frames, unsigned *list) {
+    uint64_t raw = video_layout_bytes(geometry) + Y4M_FRAME_LINE_WRITTEN;
+    uint64_t memory = queue_frames * raw, least = CODED_FRAMES_MIN * raw;
 
     if (memory > CODED_BYTES_MAX)
         memory = CODED_BYTES_MAX;
     if (memory < least)
         memory = least;
     memory += MP4_BLOCK + 2 * H264_ROOM;
-    uint64_t list = memory / CODED_LEAST;
-    if (list > CODED_LIST_MAX)
-        list = CODED_LIST_MAX;
-    if (list < recording->plan.queue_frames)
-        list = recording->plan.queue_frames;
-    return frame_queue_init(&recording->queue, (unsigned)list, (size_t)(memory / list + 1));
+    uint64_t frames = memory / CODED_LEAST;
+    if (frames > CODED_LIST_MAX)
+        frames = CODED_LIST_MAX;
+    if (frames < queue_frames)
+        frames = queue_frames;
+    *list = (unsigned)frames;
+    return (size_t)memory;
+}
+
+/* The encoder, and a queue with the memory of the usual one, within bounds, and a longer list of frames. */
+static int begin_coded(struct recording *recording) {
+    const struct recording_plan *plan = &recording->plan;
+    unsigned list;
+    size_t memory = recording_coded_memory(&plan->geometry, plan->queue_frames, &list);
+    int error = 0;
+
+    recording->waits = true;
+    if (plan->coded) {
+        recording->coded = *plan->coded;
+        *plan->coded = (struct coded_frames){.number = 0};
+    } else {
+        error = coded_frames_open(&recording->coded, &plan->geometry, plan->h264);
+    }
+    return error ? error : frame_queue_init(&recording->queue, list, memory / list + 1);
 }
 
 /* Bytes of a file with a frame of `raw` bytes, at most. */
@@ -267,10 +285,7 @@ int recording_begin(const struct recording_plan *plan, struct recording **result
     recording->lost_store = plan->lost_store;
     recording->lost_ring = plan->lost_ring;
     size_t bytes = video_layout_bytes(&plan->geometry) + Y4M_FRAME_LINE_WRITTEN;
-    int error = plan->h264 ? coded_frames_open(&recording->coded, &plan->geometry, plan->h264) : 0;
-    if (!error)
-        error = plan->h264 ? init_coded_queue(recording, bytes)
-                           : frame_queue_init(&recording->queue, plan->queue_frames, bytes);
+    int error = plan->h264 ? begin_coded(recording) : frame_queue_init(&recording->queue, plan->queue_frames, bytes);
     if (error)
         goto no_queue;
     error = plan->pool && least_file(plan, bytes) > pool_file_bytes(plan->pool) ? -EFBIG : 0;
@@ -320,8 +335,7 @@ int recording_finish(struct recording *recording, char *path) {
 
 /* ---- Frame by frame ---- */
 
-/* When a frame was captured; an item without times (the paper's seven fields) has only the time of the write. */
-static int64_t capture_time(const struct ddxvideo_picture *view, int64_t published) {
+int64_t recording_time(const struct ddxvideo_picture *view, int64_t published) {
     return view->stamp.time ? view->stamp.time : published;
 }
 
@@ -353,14 +367,15 @@ static bool end_file(struct recording *recording) {
 
 /*
  * In a pool: ends the file if the next frame, of that many bytes at most and captured then, does not fit into it, or
- * begins another recording. False if the frame cannot be put: the queue has no room for the end of a file.
+ * begins another recording. False if the frame cannot be put: the queue has no room for the end of a file, or the frame
+ * is no key frame, with which the next file could begin.
  */
-static bool choose_pool_file(struct recording *recording, size_t bytes, int64_t time) {
+static bool choose_pool_file(struct recording *recording, size_t bytes, int64_t time, bool key) {
     bool must = is_full(recording, bytes) || (recording->plan.h264 && coded_frames_is_gap(&recording->coded, time));
 
     if (!recording->file_bytes || (!must && !recording->split))
         return true;
-    return end_file(recording) || !must;
+    return (key && end_file(recording)) || !must;
 }
 
 static bool refuse(struct recording *recording) {
@@ -372,7 +387,7 @@ static bool refuse(struct recording *recording) {
 static struct frame_queue_facts facts_of(const struct recording *recording, const struct ddxvideo_picture *view,
                                          const struct recording_frame *frame) {
     struct frame_queue_facts facts = {.published = frame->published,
-                                      .time = capture_time(view, frame->published),
+                                      .time = recording_time(view, frame->published),
                                       .sequence = frame->sequence,
                                       .frame = view->stamp.frame,
                                       .lost_store = (unsigned)recording->lost_store,
@@ -397,7 +412,7 @@ static void is_put(struct recording *recording, size_t bytes) {
 bool recording_is_gap(const struct recording *recording, const struct ddxvideo_picture *view,
                       const struct recording_frame *frame) {
     return recording->plan.h264 && !recording->plan.pool &&
-           coded_frames_is_gap(&recording->coded, capture_time(view, frame->published));
+           coded_frames_is_gap(&recording->coded, recording_time(view, frame->published));
 }
 
 static void encoder_failed(struct recording *recording, int frame) {
@@ -408,21 +423,41 @@ static void encoder_failed(struct recording *recording, int frame) {
     recording->lost_encode++;
 }
 
-#define COARSER 8   /* in crf: half the bits, and time */
-#define GIVE_WAY 50 /* %, of the queue, or of the time that the store keeps a frame */
-#define GIVEN_WAY 25
+/* A frame that was encoded before is refused: later ones refer to it, up to the next key frame. */
+static bool refuse_coded(struct recording *recording, const struct recording_frame *frame) {
+    if (frame->encoded) {
+        recording->waits = true;
+        coded_frames_need_key(&recording->coded);
+    }
+    return refuse(recording);
+}
 
-static void choose_quality(struct recording *recording, const struct recording_frame *frame) {
-    unsigned level = frame_queue_level(&recording->queue), most = frame->late > level ? frame->late : level;
-    bool coarse = most >= GIVE_WAY || (recording->coarse && most >= GIVEN_WAY);
-    long quality = recording->plan.h264->quality;
+/* Whether file and queue have room for it. */
+static bool fits(struct recording *recording, const struct recording_frame *frame, int64_t time) {
+    const struct recording_encoded *encoded = frame->encoded;
+    size_t room = coded_frames_room(&recording->plan.geometry);
+    size_t bytes = encoded ? encoded->picture.size + CODED_EXTRA + MP4_BLOCK : room;
+    bool key = !encoded || encoded->picture.key;
 
-    if (!quality) /* lossless */
-        return;
-    if (coarse != recording->coarse)
-        coded_frames_set_quality(&recording->coded, coarse ? quality + COARSER : quality);
-    recording->coarse = coarse;
-    recording->plan.load->coarse += coarse;
+    return (key || !recording->waits) &&
+           (!recording->plan.pool || choose_pool_file(recording, encoded ? encoded->bytes : room, time, key)) &&
+           frame_queue_has_room(&recording->queue, bytes);
+}
+
+/* Encodes the picture, unless that was done. False: the encoder failed. */
+static bool encode(struct recording *recording, const struct ddxvideo_picture *view,
+                   const struct recording_frame *frame, int64_t time, struct coded_picture *coded) {
+    unsigned level = frame_queue_level(&recording->queue);
+
+    if (frame->encoded) {
+        *coded = frame->encoded->picture;
+        return true;
+    }
+    recording->plan.load->coarse += coded_frames_give_way(&recording->coded, frame->late > level ? frame->late : level);
+    int64_t begin = encode_load_now();
+    int error = coded_frames_encode(&recording->coded, view, time, coded);
+    recording->plan.load->spent += (uint64_t)(encode_load_now() - begin);
+    return !error;
 }
 
 /* The queue must have room for any frame before it is encoded: later frames refer to each that was. */
@@ -437,25 +472,21 @@ static bool put_coded(struct recording *recording, const struct ddxvideo_picture
                           .lost_store = facts.lost_store,
                           .lost_ring = facts.lost_ring,
                           .lost_encode = (uint32_t)recording->lost_encode};
+    struct coded_picture picture;
     struct coded_frame coded;
-    size_t room = coded_frames_room(&recording->plan.geometry);
 
-    if ((recording->plan.pool && !choose_pool_file(recording, room, facts.time)) ||
-        !frame_queue_has_room(&recording->queue, room))
-        return refuse(recording);
-    choose_quality(recording, frame);
-    int64_t begin = encode_load_now();
-    int error = coded_frames_next(&recording->coded, view, &stamp, &coded);
-    recording->plan.load->spent += (uint64_t)(encode_load_now() - begin);
-    if (error) {
+    if (!fits(recording, frame, facts.time))
+        return refuse_coded(recording, frame);
+    if (!encode(recording, view, frame, facts.time, &picture)) {
         encoder_failed(recording, facts.frame);
         return true;
     }
-    recording->encoder_failed = false;
+    recording->encoder_failed = recording->waits = false;
+    coded_frames_add(&recording->coded, &picture, &stamp, &coded);
     facts.header = (unsigned)coded.piece[0].iov_len;
     facts.step = coded.step;
-    frame_queue_put(&recording->queue, coded.piece, 3, &facts); /* has room */
-    is_put(recording, coded.piece[0].iov_len + coded.piece[1].iov_len + coded.piece[2].iov_len);
+    frame_queue_put(&recording->queue, coded.piece, CODED_PIECES, &facts); /* has room */
+    is_put(recording, coded.bytes);
     return true;
 }
 
@@ -466,7 +497,7 @@ static bool put_plain(struct recording *recording, const struct ddxvideo_picture
     char header[Y4M_HEADER_WRITTEN], line[Y4M_FRAME_LINE_WRITTEN];
     size_t bytes = video_layout_bytes(&recording->plan.geometry) + sizeof line;
 
-    if (recording->plan.pool && !choose_pool_file(recording, bytes, 0))
+    if (recording->plan.pool && !choose_pool_file(recording, bytes, 0, true))
         return refuse(recording);
     struct frame_queue_facts facts = facts_of(recording, view, frame);
     bool first = !recording->file_bytes;

@@ -10,6 +10,7 @@
 #include <pthread.h>
 
 #include "ddxvideo.h"
+#include "coded_frames.h"
 #include "encode_load.h"
 #include "h264_encode.h"
 #include "output.h"
@@ -29,6 +30,8 @@ struct recording_plan {
     struct ddxvideo_geometry geometry;
     struct encode_load *load;         /* of MP4: counts time and coarser frames */
     const struct h264_settings *h264; /* MP4 with H.264, of a geometry that h264_refusal() takes; NULL: Y4M */
+    struct coded_frames *coded;       /* MP4: encoder of its first pictures, of this geometry; the recording takes it.
+                                         NULL: a new one */
     unsigned queue_frames;
     struct recording_turn *turn;
     uint64_t lost_store, lost_ring; /* before its first frame */
@@ -36,6 +39,12 @@ struct recording_plan {
 };
 
 struct recording;
+
+/* A picture that was encoded before its recording began. */
+struct recording_encoded {
+    struct coded_picture picture;
+    size_t bytes; /* room for its frame in a file; of a key frame also for those after it up to the next one */
+};
 
 /*
  * Size of the queue for such pictures, in frames: 2.5 s, at least 64 frames, and at most recording_queue_bytes_max().
@@ -45,6 +54,12 @@ unsigned recording_queue_frames(const struct ddxvideo_geometry *geometry, unsign
 
 /* 256 MiB, on a small machine a quarter of its memory. */
 uint64_t recording_queue_bytes_max(void);
+
+/* Memory of the queue for encoded frames instead of that many raw ones; *list: frames that may wait in it. */
+size_t recording_coded_memory(const struct ddxvideo_geometry *geometry, unsigned queue_frames, unsigned *list);
+
+/* When a frame was captured; an item without times (the paper's seven fields) has only the time of the write. */
+int64_t recording_time(const struct ddxvideo_picture *view, int64_t published);
 
 /* Memory of a frame in the queue: its bytes, and its entry in the list. */
 uint64_t recording_frame_memory(const struct ddxvideo_geometry *geometry);
@@ -61,6 +76,7 @@ struct recording_frame {
     uint64_t sequence; /* in the store */
     uint64_t missed;   /* frames lost in the store before it */
     unsigned late;     /* %: of the time that the store keeps it, so much had passed when it was taken */
+    const struct recording_encoded *encoded; /* NULL: not encoded yet */
 };
 
 /*
