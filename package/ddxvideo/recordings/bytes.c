@@ -4,6 +4,7 @@
 #include <errno.h>
 #include <fcntl.h>
 #include <signal.h>
+#include <stdio.h>
 #include <stdlib.h>
 #include <unistd.h>
 
@@ -25,8 +26,37 @@ void bytes_catch_signals(void) {
         sigaction(numbers[i], &action, NULL);
 }
 
+/* ---- Progress ---- */
+
+static struct {
+    uint64_t total, read; /* total: 0: none is shown */
+    unsigned percent;     /* printed last */
+} progress;
+
+void bytes_show_progress(uint64_t total) {
+    progress.total = total;
+}
+
+static void show_progress(size_t size) {
+    progress.read += size;
+    if (!progress.total || progress.read > progress.total)
+        return;
+    unsigned percent = (unsigned)((double)progress.read * 100 / (double)progress.total);
+    while (progress.percent < percent)
+        printf("%u %%\n", ++progress.percent);
+    fflush(stdout);
+}
+
+/* ---- Reading ---- */
+
 int bytes_read(int fd, bool direct, uint64_t size, int (*take)(void *to, const unsigned char *bytes, size_t size),
                void *to) {
+    return bytes_read_from(fd, direct, 0, size, take, to);
+}
+
+int bytes_read_from(int fd, bool direct, uint64_t from, uint64_t size,
+                    int (*take)(void *to, const unsigned char *bytes, size_t size), void *to) {
+    uint64_t at = from / BLOCK * BLOCK; /* a read past the page cache begins with a whole block */
     unsigned char *piece;
     int result = 0;
 
@@ -34,9 +64,10 @@ int bytes_read(int fd, bool direct, uint64_t size, int (*take)(void *to, const u
         return -ENOMEM;
     if (!direct)
         posix_fadvise(fd, 0, 0, POSIX_FADV_DONTNEED);
-    for (uint64_t at = 0; at < size && !result;) {
+    while (at < size && !result) {
         ssize_t got = pread(fd, piece, PIECE, (off_t)at);
         size_t length = got > 0 && (uint64_t)got > size - at ? (size_t)(size - at) : (size_t)got;
+        size_t skipped = from > at ? (size_t)(from - at) : 0;
 
         if (stopping)
             result = -EINTR;
@@ -44,10 +75,12 @@ int bytes_read(int fd, bool direct, uint64_t size, int (*take)(void *to, const u
             result = errno == EINTR ? 0 : -errno;
         else if (!got || (direct && at + length < size && length % BLOCK))
             result = -ENODATA;
-        else
-            result = take(to, piece, length);
+        else if (length > skipped)
+            result = take(to, piece + skipped, length - skipped);
         if (got > 0)
             at += length;
+        if (got > 0)
+            show_progress(length);
         if (got > 0 && !direct)
             posix_fadvise(fd, 0, 0, POSIX_FADV_DONTNEED);
     }

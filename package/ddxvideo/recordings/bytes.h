@@ -15,6 +15,13 @@
 int bytes_read(int fd, bool direct, uint64_t size, int (*take)(void *to, const unsigned char *bytes, size_t size),
                void *to);
 
+/* The same without the first `from` bytes of these. */
+int bytes_read_from(int fd, bool direct, uint64_t from, uint64_t size,
+                    int (*take)(void *to, const unsigned char *bytes, size_t size), void *to);
+
+/* From now on these functions print a line, "12 %", for each percent of `total` bytes that all of them have read. */
+void bytes_show_progress(uint64_t total);
+
 /* From now on INT, TERM and HUP stop bytes_read(). */
 void bytes_catch_signals(void);
 

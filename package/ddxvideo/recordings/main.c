@@ -1,5 +1,5 @@
 /* SPDX-License-Identifier: GPL-2.0-or-later */
-/* ddxrecordings: what is in a folder of recordings, whether it is whole, and copies of it. */
+/* ddxrecordings: what is in a folder of recordings, whether it is whole, copies of it, and its removal. */
 #include <errno.h>
 #include <inttypes.h>
 #include <stdio.h>
@@ -17,6 +17,8 @@
 #include "find.h"
 #include "free_space.h"
 #include "program.h"
+#include "read.h"
+#include "remove.h"
 #include "verify.h"
 #include "version.h"
 
@@ -192,16 +194,22 @@ static bool choose_files(const struct folder *folder, const char *word, bool *ch
 
 static const char usage[] =
     "usage: ddxrecordings list [-json] [-folder DIR]\n"
-    "       ddxrecordings verify [NAME...] [-folder DIR]\n"
-    "       ddxrecordings export NAME...|all|newest FOLDER [-folder DIR]\n"
+    "       ddxrecordings verify [NAME...] [-progress] [-folder DIR]\n"
+    "       ddxrecordings export NAME...|all|newest FOLDER [-progress] [-folder DIR]\n"
+    "       ddxrecordings remove NAME... [-folder DIR]\n"
+    "       ddxrecordings read FILE [FROM] [-folder DIR]\n"
     "\n"
     "  list     recordings, oldest first; a recording is one or more files that follow each other without a gap\n"
     "  verify   reads files from the disk, compares each frame with its sum in the index (exit 1: it differs)\n"
     "  export   copies finished files into a folder, reads them back from there and compares\n"
+    "  remove   removes them; none, if one is being recorded, copied or read\n"
+    "  read     writes a finished file to standard output, from byte FROM on (default 0)\n"
     "\n"
     "  NAME     a recording as list shows it (video-000012), its number, or one of its files\n"
     "  -folder  where the recordings are; default /rec\n"
     "  -json    for programs: one JSON object a line\n"
+    "  -progress\n"
+    "           a line for each percent of all bytes that are to be read: \"12 %\"\n"
     "\n"
     "Exit status: 0, 1 failed or not what was recorded, 2 bad usage.\n";
 
@@ -211,9 +219,21 @@ static void step_back(void) {
     syscall(SYS_ioprio_set, 1, 0, IDLE);
 }
 
-static int verify(const struct folder *folder, const bool *chosen) {
+/* Each byte is read `times`. */
+static void show_progress(const struct folder *folder, const bool *chosen, unsigned times) {
+    uint64_t bytes = 0;
+
+    for (unsigned i = 0; i < folder->count; i++)
+        if (chosen[i])
+            bytes += folder->file[i].bytes;
+    bytes_show_progress(bytes * times);
+}
+
+static int verify(const struct folder *folder, const bool *chosen, bool progress) {
     bool good = true;
 
+    if (progress)
+        show_progress(folder, chosen, 1);
     for (unsigned i = 0; i < folder->count; i++)
         if (chosen[i])
             good &= verify_file(folder, &folder->file[i]);
@@ -221,7 +241,7 @@ static int verify(const struct folder *folder, const bool *chosen) {
 }
 
 /* Only finished files are copied. */
-static int export(const struct folder *folder, bool *chosen, const char *to) {
+static int export(const struct folder *folder, bool *chosen, const char *to, bool progress) {
     bool any = false;
 
     for (unsigned i = 0; i < folder->count; i++) {
@@ -235,6 +255,8 @@ static int export(const struct folder *folder, bool *chosen, const char *to) {
         say("no finished recording to export");
         return EXIT_FAILED;
     }
+    if (progress)
+        show_progress(folder, chosen, 2); /* the copies are read back */
     return export_files(folder, chosen, to);
 }
 
@@ -253,13 +275,39 @@ static int choose(const struct folder *folder, char **words, bool *chosen) {
     return status;
 }
 
-static int run(const struct folder *folder, const char *path, const char *command, char **words, bool json) {
+/* `words` are a file's name, and the first byte of it that is wanted. */
+static int read_one(const struct folder *folder, char **words) {
+    uint64_t from = 0;
+
+    if (words[1]) {
+        char *end;
+
+        errno = 0;
+        from = strtoull(words[1], &end, 10);
+        if (errno || *end || *words[1] < '0' || *words[1] > '9')
+            program_bad_usage("%s: a number of bytes is needed", words[1]);
+    }
+    for (unsigned i = 0; i < folder->count; i++)
+        if (!strcmp(folder->file[i].name, words[0]))
+            return read_file(folder, &folder->file[i], from);
+    say("%s: there is no such file; `list -json` shows all", words[0]);
+    return EXIT_USAGE;
+}
+
+struct wishes {
+    const char *folder;
+    bool json, progress;
+};
+
+static int run(const struct folder *folder, const char *command, char **words, const struct wishes *wishes) {
     const char *to = NULL;
 
+    if (!strcmp(command, "read"))
+        return read_one(folder, words);
     if (!strcmp(command, "list")) {
-        show_recordings(folder, json);
-        if (!json)
-            show_room(folder, path);
+        show_recordings(folder, wishes->json);
+        if (!wishes->json)
+            show_room(folder, wishes->folder);
         return EXIT_OK;
     }
     if (!strcmp(command, "export")) {
@@ -276,18 +324,44 @@ static int run(const struct folder *folder, const char *path, const char *comman
         return EXIT_FAILED;
     }
     int status = choose(folder, words, chosen);
-    if (status == EXIT_OK)
-        status = to ? export(folder, chosen, to) : verify(folder, chosen);
+    if (status == EXIT_OK && !strcmp(command, "remove"))
+        status = remove_files(folder, chosen);
+    else if (status == EXIT_OK)
+        status = to ? export(folder, chosen, to, wishes->progress) : verify(folder, chosen, wishes->progress);
     free(chosen);
     return status;
 }
 
+static const struct {
+    const char *name;
+    unsigned least, most; /* words after it */
+    const char *needs;
+} commands[] = {
+    {"list", 0, 0, "takes no names"},
+    {"verify", 0, UINT_MAX, ""},
+    {"export", 2, UINT_MAX, "needs names (or all, or newest) and a folder"},
+    {"remove", 1, UINT_MAX, "needs names"},
+    {"read", 1, 2, "needs the name of a file, and may have the first byte that is wanted"},
+};
+
+/* Exits on bad usage. */
+static void check_words(const char *command, unsigned count) {
+    for (size_t i = 0; i < sizeof commands / sizeof commands[0]; i++) {
+        if (strcmp(command, commands[i].name) != 0)
+            continue;
+        if (count < commands[i].least || count > commands[i].most)
+            program_bad_usage("%s: %s", command, commands[i].needs);
+        return;
+    }
+    program_bad_usage("%s: unknown command", command);
+}
+
 int main(int argc, char **argv) {
     descriptors_open();
-    const char *path = "/rec", *command = NULL;
+    const char *command = NULL;
     char **words = argv; /* the arguments except options and command; never more than argv has */
     unsigned count = 0;
-    bool json = false;
+    struct wishes wishes = {.folder = "/rec"};
     say_as("ddxrecordings");
     for (int i = 1; i < argc; i++) {
         const char *option = argv[i][0] != '-' ? "" : argv[i] + (argv[i][1] == '-' ? 2 : 1);
@@ -301,9 +375,11 @@ int main(int argc, char **argv) {
         else if (!strcmp(option, "version"))
             return version_print("ddxrecordings"), ferror(stdout) != 0;
         else if (!strcmp(option, "json"))
-            json = true;
+            wishes.json = true;
+        else if (!strcmp(option, "progress"))
+            wishes.progress = true;
         else if (!strcmp(option, "folder") && i + 1 < argc)
-            path = argv[++i];
+            wishes.folder = argv[++i];
         else
             program_bad_usage("%s: unknown option, or without its value", argv[i]);
     }
@@ -312,18 +388,14 @@ int main(int argc, char **argv) {
         fputs(usage, stderr);
         return EXIT_USAGE;
     }
-    bool list = !strcmp(command, "list"), exports = !strcmp(command, "export");
-    if (!list && !exports && strcmp(command, "verify"))
-        program_bad_usage("%s: unknown command", command);
-    if (list ? count > 0 : exports && count < 2)
-        program_bad_usage("%s: %s", command, list ? "takes no names" : "needs names (or all, or newest) and a folder");
+    check_words(command, count);
     step_back();
     bytes_catch_signals();
     struct folder folder;
-    int error = folder_open(&folder, path);
+    int error = folder_open(&folder, wishes.folder);
     if (error)
-        say("%s: %s", path, strerror(-error));
-    int status = error ? EXIT_FAILED : run(&folder, path, command, words, json);
+        say("%s: %s", wishes.folder, strerror(-error));
+    int status = error ? EXIT_FAILED : run(&folder, command, words, &wishes);
     folder_close(&folder);
     return status;
 }

@@ -121,13 +121,12 @@ static int lock_file(int folder, long id, int flags, short type) {
     return error ? error : fd;
 }
 
-/* Lock a file of the pool until the result is closed. -EAGAIN: another recorder has it; or another -errno. */
-static int pool_lock_file(const struct pool *pool, long id) {
-    return lock_file(pool->folder, id, O_RDWR, F_WRLCK);
-}
-
 int pool_hold_file(int folder, long id) {
     return lock_file(folder, id, O_RDONLY, F_RDLCK);
+}
+
+int pool_hold_alone(int folder, long id) {
+    return lock_file(folder, id, O_RDWR, F_WRLCK);
 }
 
 bool pool_can_hold(int folder) {
@@ -232,7 +231,7 @@ static int open_both(const struct pool *pool, long id, int flags, struct pool_fi
     bool direct;
 
     *file = (struct pool_file){.id = id, .fd = -1, .index_fd = -1};
-    file->lock_fd = pool_lock_file(pool, id);
+    file->lock_fd = pool_hold_alone(pool->folder, id);
     if (file->lock_fd < 0)
         return file->lock_fd;
     pool_index_name(name, id);

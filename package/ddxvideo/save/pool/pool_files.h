@@ -67,6 +67,9 @@ void pool_set_newest(const struct pool *pool, uint32_t number);
  */
 int pool_hold_file(int folder, long id);
 
+/* For a program that changes or removes a file: the same, and -EAGAIN also if another program holds it. */
+int pool_hold_alone(int folder, long id);
+
 /* Whether this user may hold files. */
 bool pool_can_hold(int folder);
 
