@@ -25,13 +25,16 @@ MP4 = [f"coded/{name}.c" for name in ("mp4_read", "mp4_write", "stamp")] + [
     f"common/{name}.c" for name in ("video_item", "video_layout")]
 MCAP = [f"mcap/{name}.c" for name in ("bytes", "read", "reader")] + [
     str(FORM / f"{name}.c") for name in ("declaration", "form", "schema")]
+PANEL = TOP / "package/ddxpanel"
+REQUEST = ["root/order.c", *(f"web/{name}.c" for name in ("guard", "scgi", "session", "words"))]
 CATALOG = TOP / "package/ddxcatalog"
 NETWORK = [CATALOG / f"network/{name}.c" for name in ("address", "participant", "records", "stamps", "type", "value")
            ] + [CATALOG / f"wire/{name}.c" for name in ("bucket", "description", "name", "sha256", "typehash")]
 # Sources of each target, below a package, and libraries.
 TARGETS: dict[str, tuple[pathlib.Path, list[str], list[str]]] = {
-    "mcap": (LOG, MCAP, ["-lddx", "-llz4"]), "mp4": (VIDEO, MP4, ["-lddx"]), "repair": (VIDEO, CORE, ["-lm"]),
-    "report": (VIDEO, CORE, ["-lm"]), "rtp": (VIDEO, CORE, ["-lm"]), "sap": (VIDEO, SAP, ["-lavutil", "-lm"]),
+    "mcap": (LOG, MCAP, ["-lddx", "-llz4"]), "mp4": (VIDEO, MP4, ["-lddx"]), "panel": (PANEL, REQUEST, []),
+    "repair": (VIDEO, CORE, ["-lm"]), "report": (VIDEO, CORE, ["-lm"]), "rtp": (VIDEO, CORE, ["-lm"]),
+    "sap": (VIDEO, SAP, ["-lavutil", "-lm"]),
     "y4m": (VIDEO, Y4M, ["-lddx", "-lswscale", "-lavutil"])}
 FLAGS = ["-std=gnu11", "-g", "-O1", "-Wall", "-Wextra", "-Werror", "-fsanitize=fuzzer,address,undefined",
          "-fno-sanitize-recover=all", "-D_GNU_SOURCE", "-DDDXVIDEO_UNDECLARED"]
@@ -65,7 +68,8 @@ def build(target: str, broken: bool) -> pathlib.Path:
         tree, switches = defects.COPY, ["-include", str(defects.FOLDER / "broken.h")]
     package, names, needed = TARGETS[target]
     folders = [LOG / "mcap", FORM, VIDEO / "stream", VIDEO / "stream/core", VIDEO / "coded", VIDEO / "common",
-               VIDEO / "include", TOP / "package/ddx/include", TOP / "package/ddx/program"]
+               VIDEO / "include", TOP / "package/ddx/include", TOP / "package/ddx/program", PANEL / "root",
+               PANEL / "web"]
     libraries = OUTPUT / "desk/root" / native.LIBRARIES
     sources = [TOP / f"tests/fuzz/{target}.c", *(tree / (package / name).relative_to(TOP) for name in names)]
 

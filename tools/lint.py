@@ -17,8 +17,8 @@ LONGEST = 120
 # Commits before the formatting commit, which this file names, are not judged.
 REFORMATTED = TOP / ".git-blame-ignore-revs"
 AREAS = {"bench", "board", "catalog", "ci", "ddxctl", "docs", "draw", "examples", "grabber", "health", "image",
-         "libddx", "logger", "player", "python", "recorder", "services", "stereo", "store", "stream", "tests", "tools",
-         "video", "viewer"}
+         "libddx", "logger", "panel", "player", "python", "recorder", "services", "stereo", "store", "stream", "tests",
+         "tools", "video", "viewer"}
 SUBJECT = 72  # characters
 
 # Phrases that CONTRIBUTING.md rules out, with the reason.

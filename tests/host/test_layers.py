@@ -97,7 +97,7 @@ def circle(known: dict[str, set[str]]) -> list[str]:
 # Folders of C sources, lowest first; folders in one line do not include each other.
 FOLDERS = """
     ddx/include
-    ddx/form ddx/lib ddx/program
+    ddx/form ddx/lib ddx/program ddxpanel/root ddxpanel/web
     ddx/ddxctl ddx/store ddxcatalog/wire ddxlog/mcap ddxvideo/include
     ddxcatalog/ctl ddxcatalog/network ddxgrow ddxlog/log ddxlog/play ddxservice ddxvideo/common
     ddxvideo/coded ddxvideo/stream/core

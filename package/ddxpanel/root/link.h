@@ -1,0 +1,25 @@
+/* SPDX-License-Identifier: GPL-2.0-or-later */
+/* Links with which a visitor logs in once, for machines whose ddx.txt has no passphrase. */
+#ifndef DDXPANEL_LINK_H
+#define DDXPANEL_LINK_H
+
+#include <stdbool.h>
+#include <stdint.h>
+
+#define LINK_SECONDS 120
+#define LINK_BYTES 16              /* random */
+#define LINK_TEXT (2 * LINK_BYTES) /* hexadecimal digits */
+
+/* The one link that counts: a new one makes the former one invalid. */
+struct link {
+    int64_t end;              /* s */
+    char text[LINK_TEXT + 1]; /* empty: there is none */
+};
+
+/* Make a link at time `now` (s, of a clock that is never set). 0 or -errno. */
+int link_make(struct link *link, int64_t now);
+
+/* Whether the text is that of the link, in time. It is then used up. */
+bool link_use(struct link *link, int64_t now, const char *text);
+
+#endif

@@ -1,0 +1,84 @@
+/* SPDX-License-Identifier: GPL-2.0-or-later */
+#include "order.h"
+
+#include <ctype.h>
+#include <stdbool.h>
+#include <string.h>
+
+#define CTL "/usr/bin/ddxctl"
+#define KIB 1024u
+#define MIB (1024u * KIB)
+
+static const struct order orders[] = {
+    {"health", {CTL, "health", "--json"}, 60, 64 * KIB}, {"services", {CTL, "services", "--json"}, 30, 64 * KIB},
+    {"logs SERVICE", {CTL, "logs"}, 30, 256 * KIB},      {"report", {CTL, "report"}, 120, 16 * MIB},
+    {"enable SERVICE", {CTL, "enable"}, 60, 64 * KIB},   {"disable SERVICE", {CTL, "disable"}, 60, 64 * KIB},
+    {"start SERVICE", {CTL, "start"}, 60, 64 * KIB},     {"stop SERVICE", {CTL, "stop"}, 60, 64 * KIB},
+    {"restart SERVICE", {CTL, "restart"}, 60, 64 * KIB}, {"machine restart", {"/sbin/reboot"}, 10, 4 * KIB},
+    {"machine off", {"/sbin/poweroff"}, 10, 4 * KIB},
+};
+
+/* NAME or NAME.INSTANCE, of letters, digits, - and _; not an option. */
+static bool is_service(const char *word) {
+    static const char letters[] = "abcdefghijklmnopqrstuvwxyzABCDEFGHIJKLMNOPQRSTUVWXYZ0123456789_-";
+    size_t name = strspn(word, letters);
+
+    if (!name || *word == '-' || strlen(word) > 63)
+        return false;
+    return !word[name] || (word[name] == '.' && word[name + 1] && !word[name + 1 + strspn(word + name + 1, letters)]);
+}
+
+/* Words of a form that the visitor chooses. */
+static const struct {
+    const char *name;
+    bool (*good)(const char *word);
+    const char *reason;
+} kinds[] = {{"SERVICE", is_service, "is not the name of a service"}};
+
+static size_t find_kind(const char *word, size_t length) {
+    size_t kind = 0;
+
+    while (kind < sizeof kinds / sizeof kinds[0] &&
+           (strlen(kinds[kind].name) != length || strncmp(kinds[kind].name, word, length) != 0))
+        kind++;
+    return kind;
+}
+
+/* Whether the words fit the form; if so and a word of the visitor's is refused, *reason is set. Writes the visitor's
+ * words behind those of the command. */
+static bool fits(const struct order *order, const char *const *words, const char **command, const char **reason) {
+    *reason = NULL;
+    for (const char *form = order->form; *form; words++) {
+        size_t length = strcspn(form, " "), kind = find_kind(form, length);
+
+        if (!*words)
+            return false;
+        if (kind == sizeof kinds / sizeof kinds[0]) {
+            if (strlen(*words) != length || strncmp(*words, form, length) != 0)
+                return false;
+        } else if (kinds[kind].good(*words)) {
+            *command++ = *words;
+        } else {
+            *reason = kinds[kind].reason;
+        }
+        form += length;
+        form += strspn(form, " ");
+    }
+    *command = NULL;
+    return !*words;
+}
+
+const struct order *order_find(const char *const *words, const char *command[ORDER_WORDS], const char **reason) {
+    for (size_t i = 0; i < sizeof orders / sizeof orders[0]; i++) {
+        unsigned fixed = 0;
+
+        while (orders[i].command[fixed]) {
+            command[fixed] = orders[i].command[fixed];
+            fixed++;
+        }
+        if (fits(&orders[i], words, command + fixed, reason))
+            return *reason ? NULL : &orders[i];
+    }
+    *reason = "there is no such order";
+    return NULL;
+}

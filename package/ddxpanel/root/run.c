@@ -1,0 +1,109 @@
+/* SPDX-License-Identifier: GPL-2.0-or-later */
+#include "run.h"
+
+#include <errno.h>
+#include <fcntl.h>
+#include <poll.h>
+#include <signal.h>
+#include <stdint.h>
+#include <sys/wait.h>
+#include <time.h>
+#include <unistd.h>
+
+#define NOT_STARTED 127
+#define PIECE 4096
+
+static int64_t now_ms(void) {
+    struct timespec now;
+
+    clock_gettime(CLOCK_BOOTTIME, &now);
+    return (int64_t)now.tv_sec * 1000 + now.tv_nsec / 1000000;
+}
+
+/* In the child. It gets standard input, output and errors, and no other descriptor: neither sockets nor keys. */
+_Noreturn static void become(const char *const *command, int output) {
+    static char path[] = "PATH=/usr/sbin:/usr/bin:/sbin:/bin";
+    static char *const environment[] = {path, NULL};
+    sigset_t none;
+    int nothing = open("/dev/null", O_RDONLY);
+
+    sigemptyset(&none);
+    sigprocmask(SIG_SETMASK, &none, NULL);
+    signal(SIGPIPE, SIG_DFL);
+    setsid();
+    if (nothing < 0 || dup2(nothing, STDIN_FILENO) < 0 || dup2(output, STDOUT_FILENO) < 0 ||
+        dup2(output, STDERR_FILENO) < 0 || close_range(3, ~0u, 0))
+        _exit(NOT_STARTED);
+    execve(command[0], (char *const *)command, environment); /* changes none of the words */
+    _exit(NOT_STARTED);
+}
+
+/* Reads until the output ends, or until a limit is reached. */
+static enum run_end follow(int from, int64_t until, size_t room, bool (*take)(void *to, const char *bytes, size_t size),
+                           void *to) {
+    char piece[PIECE];
+
+    for (;;) {
+        int64_t left = until - now_ms();
+        struct pollfd wait = {.fd = from, .events = POLLIN};
+
+        if (left <= 0)
+            return RUN_TOO_LONG;
+        if (poll(&wait, 1, (int)left) <= 0)
+            continue;
+        ssize_t got = read(from, piece, sizeof piece);
+        if (got < 0 && errno == EINTR)
+            continue;
+        if (got <= 0)
+            return RUN_EXITED;
+        if ((size_t)got > room)
+            return RUN_TOO_MUCH;
+        room -= (size_t)got;
+        if (!take(to, piece, (size_t)got))
+            return RUN_NOT_WANTED;
+    }
+}
+
+/* The output may end, closed by the program, before the program does. */
+static bool exited_by(pid_t child, int64_t until) {
+    siginfo_t end = {.si_pid = 0};
+
+    while (now_ms() < until) {
+        if (!waitid(P_PID, (id_t)child, &end, WEXITED | WNOHANG | WNOWAIT) && end.si_pid)
+            return true;
+        poll(NULL, 0, 10);
+    }
+    return false;
+}
+
+int run_program(const char *const *command, unsigned seconds, size_t output,
+                bool (*take)(void *to, const char *bytes, size_t size), void *to, struct run *run) {
+    int64_t until = now_ms() + (int64_t)seconds * 1000;
+    int ends[2], status;
+
+    if (pipe2(ends, O_CLOEXEC))
+        return -errno;
+    pid_t child = fork();
+    if (!child)
+        become(command, ends[1]);
+    int error = child < 0 ? -errno : 0;
+    close(ends[1]);
+    if (!error) {
+        run->end = follow(ends[0], until, output, take, to);
+        if (run->end == RUN_EXITED && !exited_by(child, until))
+            run->end = RUN_TOO_LONG;
+        if (run->end != RUN_EXITED) {
+            kill(-child, SIGKILL); /* its children as well; it is not reaped yet, so the number is still its own */
+            kill(child, SIGKILL);  /* before its setsid() */
+        }
+        while (waitpid(child, &status, 0) < 0 && errno == EINTR)
+            continue;
+        run->status = WIFEXITED(status) ? WEXITSTATUS(status) : WTERMSIG(status);
+        if (run->end == RUN_EXITED && !WIFEXITED(status))
+            run->end = RUN_KILLED;
+        if (run->end == RUN_EXITED && run->status == NOT_STARTED)
+            error = -ENOENT;
+    }
+    close(ends[0]);
+    return error;
+}

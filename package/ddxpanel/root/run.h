@@ -1,0 +1,29 @@
+/* SPDX-License-Identifier: GPL-2.0-or-later */
+#ifndef DDXPANEL_RUN_H
+#define DDXPANEL_RUN_H
+
+#include <stdbool.h>
+#include <stddef.h>
+
+enum run_end {
+    RUN_EXITED,
+    RUN_KILLED,    /* by a signal of another process */
+    RUN_TOO_LONG,  /* killed after its time */
+    RUN_TOO_MUCH,  /* killed after its output */
+    RUN_NOT_WANTED /* killed, since take() returned false */
+};
+
+struct run {
+    enum run_end end;
+    int status; /* exit status if RUN_EXITED, else a signal */
+};
+
+/*
+ * Run a program (its path, then its words, then NULL) without a shell, without input, with the environment PATH only,
+ * in a session of its own. Its output, standard errors with it, goes to take() as it comes, at most `output` bytes. At a
+ * limit all processes of its session are killed; else those that it left behind go on. 0, or -errno: it was not started.
+ */
+int run_program(const char *const *command, unsigned seconds, size_t output,
+                bool (*take)(void *to, const char *bytes, size_t size), void *to, struct run *run);
+
+#endif

@@ -1,0 +1,89 @@
+/* SPDX-License-Identifier: GPL-2.0-or-later */
+/*
+ * Fuzz target: a request to the panel. The input is what lighttpd sends (SCGI); its body are the words of an order, which
+ * the root process looks up.
+ */
+#include "scgi.h"
+
+#include <assert.h>
+#include <stdint.h>
+#include <stdlib.h>
+#include <string.h>
+
+#include "guard.h"
+#include "order.h"
+#include "session.h"
+#include "words.h"
+
+int LLVMFuzzerTestOneInput(const uint8_t *data, size_t size);
+
+static struct sessions sessions;
+
+/* Exactly the bytes so far, so that the sanitizer sees each one that is read beyond them. */
+static int parse_part(const char *bytes, size_t size) {
+    struct scgi request;
+    char *part = malloc(size + !size);
+    assert(part);
+    memcpy(part, bytes, size);
+    int result = scgi_parse(part, size, &request);
+    free(part);
+    return result;
+}
+
+/* Only a request of the own page gets through. */
+static void check_guard(const struct scgi *request) {
+    const char *host = scgi_value(request, "HTTP_HOST"), *origin = scgi_value(request, "HTTP_ORIGIN");
+    bool read = !guard_request(request, "robot1", false);
+    if (!guard_request(request, "robot1", true))
+        assert(!read && host && origin && strlen(origin) == strlen("https://") + strlen(host));
+    if (host && guard_host(host, "robot1")) /* nothing that a browser would take for another machine */
+        assert(!strpbrk(host, "/@\\?# ") && !strstr(host, "evil"));
+}
+
+static void check_cookie(const char *cookies) {
+    size_t size = 0;
+    const char *value = cookies ? scgi_cookie(cookies, "__Host-panel", &size) : NULL;
+    if (!value)
+        return;
+    assert(value > cookies && value + size <= cookies + strlen(cookies) && !memchr(value, ';', size));
+    assert(!session_find(&sessions, 1, value, size)); /* 128 random bits are not guessed */
+}
+
+static void check_order(const struct scgi *request) {
+    const char *command[ORDER_WORDS], *reason;
+    struct words words;
+    if (words_split(&words, request->body, request->body_size))
+        return;
+    assert(words.count && words.count <= WORDS_MAX && !words.word[words.count]);
+    const struct order *order = order_find(words.word, command, &reason);
+    assert(!order == !!reason);
+    if (!order)
+        return;
+    unsigned count = 0;
+    while (command[count])
+        count++;
+    assert(count && count < ORDER_WORDS && *command[0] == '/');
+    for (unsigned i = 0; i < words.count; i++) /* a visitor's word is never an option, a path or more than one word */
+        assert(*words.word[i] != '-' && !strpbrk(words.word[i], "/ ;$`'\"\\*?"));
+}
+
+int LLVMFuzzerTestOneInput(const uint8_t *data, size_t size) {
+    static char text[SESSION_TEXT + 1];
+    const char *bytes = (const char *)data;
+    struct scgi request;
+    if (!*text)
+        assert(session_begin(&sessions, 0, text) > 0);
+    int result = scgi_parse(bytes, size, &request);
+    if (size && result != 1)
+        assert(parse_part(bytes, size - 1) == result || !parse_part(bytes, size - 1));
+    if (result != 1)
+        return 0;
+    assert(request.body + request.body_size <= bytes + size && request.body_size <= SCGI_BODY_MAX);
+    assert(!parse_part(bytes, (size_t)(request.body - bytes) + request.body_size - 1));
+    assert(parse_part(bytes, (size_t)(request.body - bytes) + request.body_size) == 1);
+    assert(scgi_value(&request, "SCGI") && scgi_value(&request, "CONTENT_LENGTH"));
+    check_guard(&request);
+    check_cookie(scgi_value(&request, "HTTP_COOKIE"));
+    check_order(&request);
+    return 0;
+}

@@ -1,0 +1,281 @@
+/* SPDX-License-Identifier: GPL-2.0-or-later */
+/* The panel's web process: requests of lighttpd, words of orders, sessions. */
+#include "check.h"
+#include "guard.h"
+#include "scgi.h"
+#include "session.h"
+#include "words.h"
+
+#include <errno.h>
+#include <stdbool.h>
+
+#define HEAD(length)                     \
+    "CONTENT_LENGTH\0" length "\0SCGI\0" \
+    "1\0REQUEST_METHOD\0POST\0HTTP_HOST\0robot1.local\0"
+
+/* A request in memory of exactly its size, so that sanitizers see each byte that is read beyond it. */
+static char *made(const char *head, size_t head_size, const char *body, size_t body_size, size_t *size) {
+    char *request = malloc(head_size + body_size + 16);
+    int digits = request ? snprintf(request, 16, "%zu:", head_size) : 0;
+
+    CHECK(request);
+    memcpy(request + digits, head, head_size);
+    request[(size_t)digits + head_size] = ',';
+    if (body_size)
+        memcpy(request + digits + head_size + 1, body, body_size);
+    *size = (size_t)digits + head_size + 1 + body_size;
+    return request;
+}
+
+static int parsed(const char *head, size_t head_size, const char *body, size_t body_size) {
+    struct scgi request;
+    size_t size;
+    char *bytes = made(head, head_size, body, body_size, &size);
+    int result = scgi_parse(bytes, size, &request);
+
+    free(bytes);
+    return result;
+}
+
+#define PARSED(head, body) parsed(head, sizeof head - 1, body, sizeof body - 1)
+
+static void test_a_request_is_complete_with_its_last_byte(void) {
+    static const char head[] = HEAD("5");
+    struct scgi request;
+    size_t size;
+    char *bytes = made(head, sizeof head - 1, "hello more", 10, &size);
+
+    for (size_t have = 0; have <= size; have++) {
+        char *part = malloc(have + 1);
+        CHECK(part);
+        memcpy(part, bytes, have);
+        CHECK_EQUAL(scgi_parse(part, have, &request), have >= size - 5);
+        free(part);
+    }
+    CHECK_EQUAL(scgi_parse(bytes, size, &request), 1);
+    CHECK(request.body_size == 5 && !memcmp(request.body, "hello", 5));
+    CHECK(!strcmp(scgi_value(&request, "HTTP_HOST"), "robot1.local"));
+    CHECK(!strcmp(scgi_value(&request, "REQUEST_METHOD"), "POST"));
+    CHECK(!scgi_value(&request, "robot1.local") && !scgi_value(&request, "HTTP_HOS") && !scgi_value(&request, ""));
+    free(bytes);
+}
+
+static void test_what_is_not_a_request(void) {
+    CHECK_EQUAL(PARSED(HEAD("0"), ""), 1);
+    CHECK_EQUAL(PARSED("SCGI\0"
+                       "1\0CONTENT_LENGTH\0"
+                       "0\0",
+                       ""),
+                -EBADMSG); /* the order of the protocol */
+    CHECK_EQUAL(PARSED("CONTENT_LENGTH\0"
+                       "0\0SCGI\0"
+                       "2\0",
+                       ""),
+                -EBADMSG);
+    CHECK_EQUAL(PARSED("CONTENT_LENGTH\0"
+                       "0\0",
+                       ""),
+                -EBADMSG);
+    CHECK_EQUAL(PARSED("CONTENT_LENGTH\0"
+                       "0\0SCGI\0"
+                       "1\0X\0",
+                       ""),
+                -EBADMSG); /* no value */
+    CHECK_EQUAL(PARSED("CONTENT_LENGTH\0"
+                       "0\0SCGI\0"
+                       "1\0X\0y",
+                       ""),
+                -EBADMSG); /* not terminated */
+    CHECK_EQUAL(PARSED("CONTENT_LENGTH\0"
+                       "0\0SCGI\0"
+                       "1\0\0y\0",
+                       ""),
+                -EBADMSG); /* no name */
+    CHECK_EQUAL(PARSED(HEAD("0") "X\0a\r\nSet-Cookie: b\0", ""), -EBADMSG);
+    CHECK_EQUAL(PARSED(HEAD("0") "X\0a\x7f\0", ""), -EBADMSG);
+    CHECK_EQUAL(PARSED(HEAD("0") "HTTP_HOST\0evil\0", ""), -EBADMSG); /* twice */
+    CHECK_EQUAL(PARSED(HEAD("-1"), ""), -EBADMSG);
+    CHECK_EQUAL(PARSED(HEAD(""), ""), -EBADMSG);
+    CHECK_EQUAL(PARSED(HEAD("1x"), "ab"), -EBADMSG);
+    CHECK_EQUAL(PARSED(HEAD("01"), "a"), -EBADMSG);
+    CHECK_EQUAL(PARSED(HEAD("99999999"), ""), -EMSGSIZE);
+    CHECK_EQUAL(PARSED(HEAD("999999999999999999999"), ""), -EBADMSG);
+    CHECK_EQUAL(PARSED("", ""), -EBADMSG);
+}
+
+static void test_broken_netstrings(void) {
+    static const char *const texts[] = {":", "x", "-1:", "007:", "99999:", "16385:", "123456789:", "5;hello,"};
+    struct scgi request;
+
+    for (size_t i = 0; i < sizeof texts / sizeof texts[0]; i++)
+        CHECK_EQUAL(scgi_parse(texts[i], strlen(texts[i]), &request), -EBADMSG);
+    CHECK_EQUAL(scgi_parse("5:hello.", 8, &request), -EBADMSG);
+    CHECK_EQUAL(scgi_parse("12", 2, &request), 0);
+    CHECK_EQUAL(scgi_parse("16384:", 6, &request), 0);
+}
+
+static void test_hosts(void) {
+    static const char *const own[] = {"robot1",      "robot1.local", "ROBOT1.Local:443", "localhost:8443", "localhost",
+                                      "192.168.1.5", "10.0.0.1:443", "[fe80::1]",        "[::1]:8443"};
+    static const char *const foreign[] = {"",
+                                          "evil.example",
+                                          "robot1.evil.example",
+                                          "robot1.local.evil.example",
+                                          "robot10",
+                                          "robot",
+                                          "robot1.localx",
+                                          "robot1.",
+                                          ".local",
+                                          "robot1:",
+                                          "robot1:4x",
+                                          "robot1:443:1",
+                                          "[::1",
+                                          "[]",
+                                          "[robot1]",
+                                          "::1",
+                                          "192.168.1",
+                                          "1.2.3.4.evil.example",
+                                          "[::1]x",
+                                          "robot1/",
+                                          "[",
+                                          "robot1@evil.example"};
+
+    for (size_t i = 0; i < sizeof own / sizeof own[0]; i++)
+        CHECK(guard_host(own[i], "robot1"));
+    for (size_t i = 0; i < sizeof foreign / sizeof foreign[0]; i++)
+        CHECK(!guard_host(foreign[i], "robot1"));
+    CHECK(!guard_host("", "") && !guard_host(".local", ""));
+}
+
+/* The status of a request with these headers, each with its 0 byte. */
+static int guarded(const char *head, size_t size, bool order) {
+    struct scgi request;
+    size_t whole;
+    char *bytes = made(head, size, "", 0, &whole);
+
+    CHECK_EQUAL(scgi_parse(bytes, whole, &request), 1);
+    int status = guard_request(&request, "robot1", order);
+    free(bytes);
+    return status;
+}
+
+#define BEGIN          \
+    "CONTENT_LENGTH\0" \
+    "0\0SCGI\0"        \
+    "1\0"
+#define GUARDED(head, order) guarded(BEGIN head, sizeof BEGIN head - 1, order)
+#define POST "REQUEST_METHOD\0POST\0"
+#define GET "REQUEST_METHOD\0GET\0"
+#define HOST "HTTP_HOST\0robot1.local\0"
+#define ORIGIN "HTTP_ORIGIN\0https://robot1.local\0"
+#define PANEL        \
+    "HTTP_X_PANEL\0" \
+    "1\0"
+
+static void test_foreign_pages(void) {
+    CHECK_EQUAL(GUARDED(POST HOST ORIGIN PANEL, true), 0);
+    CHECK_EQUAL(GUARDED(GET HOST, false), 0);
+    CHECK_EQUAL(GUARDED(GET HOST ORIGIN PANEL, true), 405);
+    CHECK_EQUAL(GUARDED(POST HOST, false), 405);
+    CHECK_EQUAL(GUARDED("REQUEST_METHOD\0post\0" HOST ORIGIN PANEL, true), 405);
+    CHECK_EQUAL(GUARDED(HOST ORIGIN PANEL, true), 405);
+    CHECK_EQUAL(GUARDED(POST ORIGIN PANEL, true), 403);
+    CHECK_EQUAL(GUARDED(GET, false), 403);
+    CHECK_EQUAL(GUARDED(GET "HTTP_HOST\0evil.example\0", false), 403);
+    CHECK_EQUAL(GUARDED(POST "HTTP_HOST\0evil.example\0HTTP_ORIGIN\0https://evil.example\0" PANEL, true), 403);
+    CHECK_EQUAL(GUARDED(POST HOST PANEL, true), 403);
+    CHECK_EQUAL(GUARDED(POST HOST ORIGIN, true), 403);
+    CHECK_EQUAL(GUARDED(POST HOST PANEL "HTTP_ORIGIN\0http://robot1.local\0", true), 403);
+    CHECK_EQUAL(GUARDED(POST HOST PANEL "HTTP_ORIGIN\0https://evil.example\0", true), 403);
+    CHECK_EQUAL(GUARDED(POST HOST PANEL "HTTP_ORIGIN\0https://robot1.local:8443\0", true), 403);
+    CHECK_EQUAL(GUARDED(POST HOST PANEL "HTTP_ORIGIN\0null\0", true), 403);
+}
+
+static bool cookie_is(const char *cookies, const char *value) {
+    size_t size = 0;
+    const char *found = scgi_cookie(cookies, "__Host-panel", &size);
+
+    return value ? found && size == strlen(value) && !memcmp(found, value, size) : !found;
+}
+
+static void test_cookies(void) {
+    CHECK(cookie_is("__Host-panel=abc", "abc"));
+    CHECK(cookie_is("a=b; __Host-panel=abc;c=d", "abc"));
+    CHECK(cookie_is("__Host-panel=", ""));
+    CHECK(cookie_is("", NULL) && cookie_is("__Host-panel", NULL) && cookie_is(";;; ;", NULL));
+    CHECK(cookie_is("x__Host-panel=abc", NULL) && cookie_is("a=__Host-panel=abc", NULL));
+    CHECK(cookie_is("__Host-panel=abc; __Host-panel=abc", NULL));
+}
+
+static void test_words(void) {
+    struct words words;
+    char text[WORDS_SIZE + 1];
+
+    CHECK_EQUAL(words_split(&words, "restart\nddxvideosave\n", 21), 0);
+    CHECK(words.count == 2 && !words.word[2]);
+    CHECK(!strcmp(words.word[0], "restart") && !strcmp(words.word[1], "ddxvideosave"));
+    CHECK_EQUAL(words_split(&words, "a b;c", 5), 0); /* a word may be anything that is visible: nothing executes it */
+    CHECK(words.count == 1 && !strcmp(words.word[0], "a b;c"));
+    CHECK_EQUAL(words_split(&words, "", 0), -EINVAL);
+    CHECK_EQUAL(words_split(&words, "\n", 1), -EINVAL);
+    CHECK_EQUAL(words_split(&words, "a\n\nb", 4), -EINVAL);
+    CHECK_EQUAL(words_split(&words, "a\0b", 3), -EINVAL);
+    CHECK_EQUAL(words_split(&words, "a\r\n", 3), -EINVAL);
+    CHECK_EQUAL(words_split(&words, "\x1b[2J", 4), -EINVAL);
+    CHECK_EQUAL(words_split(&words, "m\xfc", 2), -EINVAL);
+    for (unsigned i = 0; i <= WORDS_MAX; i++)
+        memcpy(text + 2 * i, "a\n", 2);
+    CHECK_EQUAL(words_split(&words, text, 2 * WORDS_MAX), 0);
+    CHECK(words.count == WORDS_MAX && !words.word[WORDS_MAX]);
+    CHECK_EQUAL(words_split(&words, text, 2 * WORDS_MAX + 2), -E2BIG);
+    memset(text, 'a', sizeof text);
+    CHECK_EQUAL(words_split(&words, text, WORDS_SIZE - 1), 0);
+    CHECK_EQUAL(strlen(words.word[0]), WORDS_SIZE - 1);
+    CHECK_EQUAL(words_split(&words, text, WORDS_SIZE), -E2BIG);
+}
+
+static unsigned find(const struct sessions *sessions, int64_t now, const char *text) {
+    return session_find(sessions, now, text, strlen(text));
+}
+
+static void test_sessions(void) {
+    static struct sessions sessions;
+    char text[SESSIONS + 1][SESSION_TEXT + 1], wrong[SESSION_TEXT + 1];
+
+    CHECK_EQUAL(session_begin(&sessions, 100, text[0]), 1);
+    CHECK_EQUAL(strspn(text[0], "0123456789abcdef"), SESSION_TEXT);
+    CHECK_EQUAL(find(&sessions, 100, text[0]), 1);
+    CHECK_EQUAL(find(&sessions, 99 + SESSION_SECONDS, text[0]), 1);
+    CHECK_EQUAL(find(&sessions, 100 + SESSION_SECONDS, text[0]), 0);
+    for (size_t i = 0; i < SESSION_TEXT; i++) { /* each digit counts */
+        strcpy(wrong, text[0]);
+        wrong[i] = wrong[i] == '0' ? '1' : '0';
+        CHECK_EQUAL(find(&sessions, 100, wrong), 0);
+    }
+    CHECK_EQUAL(session_find(&sessions, 100, text[0], SESSION_TEXT - 1), 0);
+    CHECK_EQUAL(find(&sessions, 100, ""), 0);
+    CHECK_EQUAL(find(&sessions, 100, "00000000000000000000000000000000"), 0); /* the key of a free one */
+    for (int i = 1; i <= SESSIONS; i++) {
+        CHECK_EQUAL(session_begin(&sessions, 100 + i, text[i]), i + 1);
+        CHECK(strcmp(text[i], text[i - 1]) != 0);
+    }
+    CHECK_EQUAL(find(&sessions, 200, text[0]), 0); /* the oldest one made room */
+    for (int i = 1; i <= SESSIONS; i++)
+        CHECK_EQUAL(find(&sessions, 200, text[i]), i + 1);
+    session_end(&sessions, 3);
+    CHECK_EQUAL(find(&sessions, 200, text[2]), 0);
+    CHECK_EQUAL(session_begin(&sessions, 300, text[0]), SESSIONS + 2);
+    CHECK_EQUAL(find(&sessions, 300, text[1]), 2); /* the place of the ended one was taken */
+}
+
+int main(void) {
+    test_a_request_is_complete_with_its_last_byte();
+    test_what_is_not_a_request();
+    test_broken_netstrings();
+    test_hosts();
+    test_foreign_pages();
+    test_cookies();
+    test_words();
+    test_sessions();
+    return 0;
+}
