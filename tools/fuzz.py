@@ -26,7 +26,7 @@ MP4 = [f"coded/{name}.c" for name in ("mp4_read", "mp4_write", "stamp")] + [
 MCAP = [f"mcap/{name}.c" for name in ("bytes", "read", "reader")] + [
     str(FORM / f"{name}.c") for name in ("declaration", "form", "schema")]
 PANEL = TOP / "package/ddxpanel"
-REQUEST = ["root/order.c", *(f"web/{name}.c" for name in ("guard", "scgi", "session", "words"))]
+REQUEST = ["common/message.c", "root/order.c", *(f"web/{name}.c" for name in ("guard", "scgi", "session", "words"))]
 CATALOG = TOP / "package/ddxcatalog"
 NETWORK = [CATALOG / f"network/{name}.c" for name in ("address", "participant", "records", "stamps", "type", "value")
            ] + [CATALOG / f"wire/{name}.c" for name in ("bucket", "description", "name", "sha256", "typehash")]
@@ -68,8 +68,8 @@ def build(target: str, broken: bool) -> pathlib.Path:
         tree, switches = defects.COPY, ["-include", str(defects.FOLDER / "broken.h")]
     package, names, needed = TARGETS[target]
     folders = [LOG / "mcap", FORM, VIDEO / "stream", VIDEO / "stream/core", VIDEO / "coded", VIDEO / "common",
-               VIDEO / "include", TOP / "package/ddx/include", TOP / "package/ddx/program", PANEL / "root",
-               PANEL / "web"]
+               VIDEO / "include", TOP / "package/ddx/include", TOP / "package/ddx/program",
+               *(PANEL / name for name in ("common", "root", "web"))]
     libraries = OUTPUT / "desk/root" / native.LIBRARIES
     sources = [TOP / f"tests/fuzz/{target}.c", *(tree / (package / name).relative_to(TOP) for name in names)]
 

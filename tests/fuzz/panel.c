@@ -1,7 +1,7 @@
 /* SPDX-License-Identifier: GPL-2.0-or-later */
 /*
- * Fuzz target: a request to the panel. The input is what lighttpd sends (SCGI); its body are the words of an order, which
- * the root process looks up.
+ * Fuzz target: a request to the panel. The input is what lighttpd sends (SCGI); its body are the words of an order,
+ * which the root process looks up. It is also what a web process that was taken over sends to the root process.
  */
 #include "scgi.h"
 
@@ -11,6 +11,7 @@
 #include <string.h>
 
 #include "guard.h"
+#include "message.h"
 #include "order.h"
 #include "session.h"
 #include "words.h"
@@ -67,12 +68,26 @@ static void check_order(const struct scgi *request) {
         assert(*words.word[i] != '-' && !strpbrk(words.word[i], "/ ;$`'\"\\*?"));
 }
 
+static void check_message(const uint8_t *data, size_t size) {
+    struct message_request *request = calloc(1, size < sizeof *request ? sizeof *request : size);
+    const char *words[MESSAGE_WORDS + 1], *command[ORDER_WORDS], *reason;
+    assert(request);
+    memcpy(request, data, size);
+    if (message_is_good(request, size)) {
+        assert(strlen(request->address) < sizeof request->address && strlen(request->text) < request->size);
+        if (message_words(request, words))
+            order_find(words, command, &reason);
+    }
+    free(request);
+}
+
 int LLVMFuzzerTestOneInput(const uint8_t *data, size_t size) {
     static char text[SESSION_TEXT + 1];
     const char *bytes = (const char *)data;
     struct scgi request;
     if (!*text)
         assert(session_begin(&sessions, 0, text) > 0);
+    check_message(data, size);
     int result = scgi_parse(bytes, size, &request);
     if (size && result != 1)
         assert(parse_part(bytes, size - 1) == result || !parse_part(bytes, size - 1));

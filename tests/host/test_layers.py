@@ -97,8 +97,8 @@ def circle(known: dict[str, set[str]]) -> list[str]:
 # Folders of C sources, lowest first; folders in one line do not include each other.
 FOLDERS = """
     ddx/include
-    ddx/form ddx/lib ddx/program ddxpanel/root ddxpanel/web
-    ddx/ddxctl ddx/store ddxcatalog/wire ddxlog/mcap ddxvideo/include
+    ddx/form ddx/lib ddx/program ddxpanel/common
+    ddx/ddxctl ddx/store ddxcatalog/wire ddxlog/mcap ddxpanel/root ddxpanel/web ddxvideo/include
     ddxcatalog/ctl ddxcatalog/network ddxgrow ddxlog/log ddxlog/play ddxservice ddxvideo/common
     ddxvideo/coded ddxvideo/stream/core
     ddxcatalog/catalog ddxlog ddxvideo/draw ddxvideo/grab ddxvideo/save/pool ddxvideo/stream

@@ -80,7 +80,7 @@ static struct run run(unsigned seconds, size_t limit, struct output *output, con
     struct run run;
 
     *output = (struct output){.wanted = output->wanted ? output->wanted : sizeof output->text};
-    CHECK_EQUAL(run_program(words, seconds, limit, take, output, &run), 0);
+    CHECK_EQUAL(run_program(words, &(const struct run_for){seconds, limit, -1, take, output}, &run), 0);
     return run;
 }
 
@@ -104,27 +104,27 @@ static void test_a_program_gets_its_words_and_nothing_else(void) {
 }
 
 static void test_limits(void) {
-    struct output output = {.wanted = 0};
-    struct run end = RUN(1, 1000, SHELL, "echo $$; sleep 1000 & echo $!; wait");
+    struct output output = {.wanted = 1};
+    struct run end = RUN(60, 1000, SHELL, "sleep 1000 & echo $$ $!; wait");
     int first, second, status;
 
-    CHECK(end.end == RUN_TOO_LONG && end.status == SIGKILL);
+    CHECK(end.end == RUN_NOT_WANTED && end.status == SIGKILL);
     CHECK_EQUAL(sscanf(output.text, "%d %d", &first, &second), 2);
     CHECK(kill(first, 0) && errno == ESRCH);
     kill(second, SIGTERM); /* too late, if the child of the shell was killed with it */
     CHECK(waitpid(second, &status, 0) == second && WIFSIGNALED(status));
     CHECK_EQUAL(WTERMSIG(status), SIGKILL);
-    end = RUN(1, 1000, SHELL, "exec > /dev/null 2>&1; sleep 1000");
+    output.wanted = 0;
+    end = RUN(1, 1000, SHELL, "echo a; exec sleep 1000");
+    CHECK(end.end == RUN_TOO_LONG && end.status == SIGKILL);
+    end = RUN(1, 1000, SHELL, "exec > /dev/null 2>&1; exec sleep 1000"); /* its output ends before it does */
     CHECK_EQUAL(end.end, RUN_TOO_LONG);
     end = RUN(60, 1000, SHELL, "yes");
     CHECK(end.end == RUN_TOO_MUCH && output.size <= 1000);
-    output.wanted = 1;
-    end = RUN(60, 1000, SHELL, "echo a; exec sleep 1000");
-    CHECK_EQUAL(end.end, RUN_NOT_WANTED);
-    output.wanted = 0;
     end = RUN(60, 1000, SHELL, "kill -9 $$");
     CHECK(end.end == RUN_KILLED && end.status == SIGKILL);
-    CHECK_EQUAL(run_program((const char *const[]){"/no/such", NULL}, 1, 1, take, &output, &end), -ENOENT);
+    const struct run_for limits = {1, 1, -1, take, &output};
+    CHECK_EQUAL(run_program((const char *const[]){"/no/such", NULL}, &limits, &end), -ENOENT);
 }
 
 static void test_what_a_program_leaves_behind_goes_on(void) {

@@ -39,18 +39,20 @@ _Noreturn static void become(const char *const *command, int output) {
 }
 
 /* Reads until the output ends, or until a limit is reached. */
-static enum run_end follow(int from, int64_t until, size_t room, bool (*take)(void *to, const char *bytes, size_t size),
-                           void *to) {
+static enum run_end follow(int from, int64_t until, const struct run_for *limits) {
+    size_t room = limits->output;
     char piece[PIECE];
 
     for (;;) {
         int64_t left = until - now_ms();
-        struct pollfd wait = {.fd = from, .events = POLLIN};
+        struct pollfd wait[] = {{.fd = from, .events = POLLIN}, {.fd = limits->receiver}};
 
         if (left <= 0)
             return RUN_TOO_LONG;
-        if (poll(&wait, 1, (int)left) <= 0)
+        if (poll(wait, 2, (int)left) <= 0)
             continue;
+        if (wait[1].revents)
+            return RUN_NOT_WANTED;
         ssize_t got = read(from, piece, sizeof piece);
         if (got < 0 && errno == EINTR)
             continue;
@@ -59,7 +61,7 @@ static enum run_end follow(int from, int64_t until, size_t room, bool (*take)(vo
         if ((size_t)got > room)
             return RUN_TOO_MUCH;
         room -= (size_t)got;
-        if (!take(to, piece, (size_t)got))
+        if (!limits->take(limits->to, piece, (size_t)got))
             return RUN_NOT_WANTED;
     }
 }
@@ -76,9 +78,8 @@ static bool exited_by(pid_t child, int64_t until) {
     return false;
 }
 
-int run_program(const char *const *command, unsigned seconds, size_t output,
-                bool (*take)(void *to, const char *bytes, size_t size), void *to, struct run *run) {
-    int64_t until = now_ms() + (int64_t)seconds * 1000;
+int run_program(const char *const *command, const struct run_for *limits, struct run *run) {
+    int64_t until = now_ms() + (int64_t)limits->seconds * 1000;
     int ends[2], status;
 
     if (pipe2(ends, O_CLOEXEC))
@@ -89,7 +90,7 @@ int run_program(const char *const *command, unsigned seconds, size_t output,
     int error = child < 0 ? -errno : 0;
     close(ends[1]);
     if (!error) {
-        run->end = follow(ends[0], until, output, take, to);
+        run->end = follow(ends[0], until, limits);
         if (run->end == RUN_EXITED && !exited_by(child, until))
             run->end = RUN_TOO_LONG;
         if (run->end != RUN_EXITED) {
