@@ -60,7 +60,7 @@ def build(prefix: str, stage: pathlib.Path) -> None:
     desk = native.for_desktop()
     installed = []
     for package in native.PACKAGES:
-        if package in ("ddxgrow", "ddxpanel", "ddxservice"):  # for an appliance only
+        if package in ("ddxgrow", "ddxpanel", "ddxservice", "ddxupdate"):  # for an appliance only
             continue
         sources, out = TOP / "package" / package, OUTPUT / "desktop" / package
         options = [f"--prefix={prefix}"]  # the last prefix counts

@@ -30,11 +30,13 @@ REQUEST = ["common/message.c", "root/order.c", *(f"web/{name}.c" for name in ("g
 CATALOG = TOP / "package/ddxcatalog"
 NETWORK = [CATALOG / f"network/{name}.c" for name in ("address", "participant", "records", "stamps", "type", "value")
            ] + [CATALOG / f"wire/{name}.c" for name in ("bucket", "description", "name", "sha256", "typehash")]
+UPDATE = TOP / "package/ddxupdate"
+UPDATED = [f"{name}.c" for name in ("block", "fat")]
 # Sources of each target, below a package, and libraries.
 TARGETS: dict[str, tuple[pathlib.Path, list[str], list[str]]] = {
     "mcap": (LOG, MCAP, ["-lddx", "-llz4"]), "mp4": (VIDEO, MP4, ["-lddx"]), "panel": (PANEL, REQUEST, []),
     "repair": (VIDEO, CORE, ["-lm"]), "report": (VIDEO, CORE, ["-lm"]), "rtp": (VIDEO, CORE, ["-lm"]),
-    "sap": (VIDEO, SAP, ["-lavutil", "-lm"]),
+    "sap": (VIDEO, SAP, ["-lavutil", "-lm"]), "update": (UPDATE, UPDATED, []),
     "y4m": (VIDEO, Y4M, ["-lddx", "-lswscale", "-lavutil"])}
 FLAGS = ["-std=gnu11", "-g", "-O1", "-Wall", "-Wextra", "-Werror", "-fsanitize=fuzzer,address,undefined",
          "-fno-sanitize-recover=all", "-D_GNU_SOURCE", "-DDDXVIDEO_UNDECLARED"]
@@ -69,7 +71,7 @@ def build(target: str, broken: bool) -> pathlib.Path:
     package, names, needed = TARGETS[target]
     folders = [LOG / "mcap", FORM, VIDEO / "stream", VIDEO / "stream/core", VIDEO / "coded", VIDEO / "common",
                VIDEO / "include", TOP / "package/ddx/include", TOP / "package/ddx/program",
-               *(PANEL / name for name in ("common", "root", "web"))]
+               *(PANEL / name for name in ("common", "root", "web")), UPDATE]
     libraries = OUTPUT / "desk/root" / native.LIBRARIES
     sources = [TOP / f"tests/fuzz/{target}.c", *(tree / (package / name).relative_to(TOP) for name in names)]
 

@@ -12,7 +12,7 @@ from collections.abc import Iterator
 import pytest
 
 from parts.common import MORTAL
-from parts.image import busybox
+from parts.image import busybox, rootfs
 
 from .programs import TOP
 
@@ -56,6 +56,12 @@ class Appliance:
         path.parent.mkdir(parents=True, exist_ok=True)
         path.write_text(text)
         path.chmod(0o755)
+
+    def install_program(self, program: pathlib.Path, to: str) -> None:
+        """Copy a program of the desk build, and the libraries that it needs."""
+        for file, name in [(program, to), *((path, str(path)[1:]) for path in rootfs.libraries(program, []))]:
+            (self.root / name).parent.mkdir(parents=True, exist_ok=True)
+            shutil.copy(file, self.root / name)
 
     def start(self, command: str) -> subprocess.Popen[str]:
         return subprocess.Popen([*self.enter, command], stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True)

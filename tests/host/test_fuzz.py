@@ -13,7 +13,7 @@ from parts.defects import DEFECTS
 pytestmark = [pytest.mark.computes, pytest.mark.strict]
 
 SECONDS = 5  # for each target; all fuzzing of `make test` together stays within 5 minutes
-SHORTER = {"mp4": 2, "panel": 2, "report": 2, "sap": 2}  # small parsers
+SHORTER = {"mp4": 2, "panel": 2, "report": 2, "sap": 2, "update": 2}  # small parsers
 SEED = 1     # finds each injected defect soon
 
 

@@ -99,7 +99,7 @@ FOLDERS = """
     ddx/include
     ddx/form ddx/lib ddx/program ddxpanel/common
     ddx/ddxctl ddx/store ddxcatalog/wire ddxlog/mcap ddxpanel/root ddxpanel/web ddxvideo/include
-    ddxcatalog/ctl ddxcatalog/network ddxgrow ddxlog/log ddxlog/play ddxservice ddxvideo/common
+    ddxcatalog/ctl ddxcatalog/network ddxgrow ddxlog/log ddxlog/play ddxservice ddxupdate ddxvideo/common
     ddxvideo/coded ddxvideo/stream/core
     ddxcatalog/catalog ddxlog ddxvideo/draw ddxvideo/grab ddxvideo/save/pool ddxvideo/stream
     ddxcatalog ddxvideo/grab/iidc ddxvideo/grab/v4l ddxvideo/health ddxvideo/load ddxvideo/play ddxvideo/recordings

@@ -1,8 +1,9 @@
 # SPDX-License-Identifier: GPL-2.0-or-later
 """The boot counter: GRUB's menu increments it, slot-came-up clears it. The part of grub.cfg that chooses a slot is
-close enough to shell syntax to run in a shell."""
+close enough to shell syntax to run in a shell. The FAT is one of mkfs.vfat's, in a file."""
 from __future__ import annotations
 
+import pathlib
 import re
 import subprocess
 from collections.abc import Iterator
@@ -10,6 +11,7 @@ from collections.abc import Iterator
 import pytest
 
 from parts.common import TOP, run
+from parts.image import native
 
 from .appliance import Appliance
 
@@ -17,7 +19,6 @@ pytestmark = pytest.mark.retry
 
 Block = dict[str, str]
 NAMES = ("slot", "left", "begun", "failed")
-MOUNT = "mount -t vfat -o rw,noatime,nosuid,nodev,noexec"
 LOST = ", so a slot that cannot be booted may stay the chosen one; flash another card\n"
 
 
@@ -37,30 +38,54 @@ def menu(block: Block) -> tuple[Block, str, str]:
     return {name: value for name, value in now.items() if value}, slot, "".join(counted)
 
 
+def text_of(block: Block) -> str:
+    lines = "".join(f"{name}={value}\n" for name, value in block.items())
+    return f"# GRUB Environment Block\n{lines}".ljust(1024, "#")
+
+
+def make_fat(path: pathlib.Path, grubenv: str, *options: str, kilobytes: int = 16384) -> None:
+    """A boot partition with that block."""
+    file = path.with_suffix(".grubenv")
+    file.write_text(grubenv)
+    run(["mkfs.vfat", "-C", "-n", "DDXBOOT", *options, path, str(kilobytes)])
+    run(["mmd", "-i", path, "::grub"])
+    run(["mcopy", "-i", path, file, "::grub/grubenv"])
+
+
 class Robot:
     """An appliance with a boot partition."""
 
     def __init__(self, appliance: Appliance) -> None:
         self.appliance = appliance
-        self.file = appliance.root / "card/grub/grubenv"
-        self.file.parent.mkdir(parents=True)
-        text = (TOP / "overlay/usr/libexec/ddx/slot-came-up").read_text()
-        assert MOUNT in text
-        appliance.add("usr/libexec/ddx/slot-came-up", text.replace(MOUNT, "mount -o bind"))
+        self.card, self.state = appliance.root / "card", appliance.root / "data/update"
+        self.state.parent.mkdir()
+        make_fat(self.card, text_of({}))
+        image = self.card.read_bytes()
+        self.at = image.index(text_of({}).encode())
+        assert image.count(text_of({}).encode()) == 1
+        self.rest = image[:self.at] + image[self.at + 1024:]
+        appliance.install("overlay/usr/libexec/ddx/slot-came-up", "usr/libexec/ddx/slot-came-up")
         appliance.add("usr/libexec/ddx/own-partition", "#!/bin/sh\necho /card\n")
+        appliance.install_program(native.build() / "usr/libexec/ddx/ddxupdate", "usr/libexec/ddx/ddxupdate")
         self.words = appliance.root / "run/words"
         self.words.touch()
         assert appliance.run("mount -o bind /run/words /proc/cmdline") == (0, "")
 
     def comes_up(self, block: Block, words: str) -> Block:
-        lines = "".join(f"{name}={value}\n" for name, value in block.items())
-        self.file.write_text(f"# GRUB Environment Block\n{lines}".ljust(1024, "#"))
+        return self.comes_up_with(text_of(block).encode(), words)
+
+    def comes_up_with(self, block: bytes, words: str) -> Block:
+        with self.card.open("r+b") as file:
+            file.seek(self.at)
+            file.write(block)
         self.words.write_text(f"root=x {words} quiet\n")
         for name in ("failed", "wrong"):
             (self.appliance.root / f"run/slot.{name}").unlink(missing_ok=True)
         self.appliance.run("/usr/libexec/ddx/slot-came-up")
-        text = self.file.read_text()
-        assert len(text) == 1024 and not (self.appliance.root / "run/grubenv").exists()
+        image = self.card.read_bytes()
+        assert image[:self.at] + image[self.at + 1024:] == self.rest, "something else of the FAT was written"
+        text = image[self.at:self.at + 1024].decode()
+        assert text.startswith("# GRUB Environment Block\n") and text.endswith("#")
         return dict(line.split("=") for line in text.splitlines() if not line.startswith("#"))
 
     def said(self, name: str) -> str:
@@ -107,13 +132,63 @@ def test_a_loader_that_does_not_count_is_reported(robot: Robot, block: Block, co
     assert robot.said("wrong") == f"the boot loader has not counted this boot{LOST}"
 
 
-def test_an_unusable_boot_partition_is_reported(robot: Robot) -> None:
+@pytest.mark.parametrize("device, said", [
+    ("/none", "the boot loader's block cannot be found"),
+    ("/run/words", "the boot loader's block cannot be found")])
+def test_an_unusable_boot_partition_is_reported(robot: Robot, device: str, said: str) -> None:
     partition = robot.appliance.root / "usr/libexec/ddx/own-partition"
     text = partition.read_text()
-    partition.write_text("#!/bin/sh\necho /none\n")
-    robot.comes_up({"begun": "1"}, "ddx.slot=A ddx.counted=begun=1")
+    partition.write_text(f"#!/bin/sh\necho {device}\n")
+    assert robot.comes_up({"begun": "1"}, "ddx.slot=A ddx.counted=begun=1") == {"begun": "1"}
     partition.write_text(text)
-    assert robot.said("wrong") == f"the boot partition cannot be mounted{LOST}"
+    assert robot.said("wrong") == f"{said}{LOST}"
+
+
+def test_a_program_that_fails_is_reported(robot: Robot) -> None:
+    program = robot.appliance.root / "usr/libexec/ddx/ddxupdate"
+    program.chmod(0o644)
+    robot.comes_up({"begun": "1"}, "ddx.slot=A ddx.counted=begun=1")
+    program.chmod(0o755)
+    assert robot.said("wrong") == f"ddxupdate fails{LOST}"
+
+
+@pytest.mark.parametrize("proven", ["A", "B", ""])
+@pytest.mark.parametrize("first", [bytes(512), b"\xff" * 512, b"# GRUB Environment Block\nslot=Q\n".ljust(512, b"#")],
+                         ids=["zeros", "ones", "nonsense"])
+def test_a_lost_block_is_restored(robot: Robot, first: bytes, proven: str) -> None:
+    """GRUB boots slot A then, and counts nothing. The machine remembers which slot was chosen."""
+    robot.state.unlink(missing_ok=True)
+    if proven:
+        robot.comes_up({"slot": proven, "begun": "1"}, f"ddx.slot={proven} ddx.counted=begun=1")
+        robot.state.write_text("later=stays\n" + robot.state.read_text())
+    slot = proven or "A"
+    after = robot.comes_up_with(first + b"#" * 512, "ddx.slot=A ddx.counted=begun=1")
+    assert after == ({"slot": "B"} if slot == "B" else {})
+    again = f"slot {slot} is the chosen one again"
+    assert robot.said("wrong") == f"the boot loader's block was lost, and slot A booted; {again}\n"
+    assert robot.said("failed") == ""
+    assert robot.state.read_text() == ("later=stays\n" if proven else "") + f"proven={slot}\n"
+
+
+def test_an_unproven_slot_is_not_remembered(robot: Robot) -> None:
+    robot.comes_up({"begun": "1"}, "ddx.slot=A ddx.counted=begun=1")
+    robot.comes_up({"begun": "2"}, "ddx.slot=B ddx.counted=begun=2")
+    assert robot.state.read_text().splitlines()[-1] == "proven=A"
+
+
+@pytest.mark.parametrize("options", [("-F", "12", "-s", "16"), ("-F", "16", "-s", "2"), ("-F", "32", "-s", "1"),
+                                     ("-F", "16", "-s", "4", "-R", "8")])
+def test_the_block_is_found_on_any_fat(tmp_path: pathlib.Path, options: tuple[str, ...]) -> None:
+    """Nothing but the block is changed."""
+    card, proc = tmp_path / "card", tmp_path / "proc"
+    for name in ("proc", "run", "data"):
+        (tmp_path / name).mkdir()
+    make_fat(card, text_of({"begun": "1"}), *options, kilobytes=65536 if "32" in options else 16384)
+    before = card.read_bytes()
+    (proc / "cmdline").write_text("ddx.slot=A ddx.counted=begun=1\n")
+    run([native.build() / "usr/libexec/ddx/ddxupdate", "-root", tmp_path, "block", card])
+    assert card.read_bytes() == before.replace(text_of({"begun": "1"}).encode(), text_of({}).encode())
+    assert not (tmp_path / "run/slot.wrong").exists()
 
 
 @pytest.mark.parametrize("first", [{}, {"begun": "3"}, {"slot": "B", "left": "3"}, {"slot": "B", "left": "0"}],

@@ -10,7 +10,7 @@ from parts import defects, trees
 from parts.common import HOST_CACHE, OUTPUT, TOP, alone, fingerprint, run, say, step
 from parts.image import cyclonedds, dc1394, srtp
 
-PACKAGES = ["ddx", "ddxcatalog", "ddxgrow", "ddxlog", "ddxpanel", "ddxservice", "ddxvideo"]  # ours
+PACKAGES = ["ddx", "ddxcatalog", "ddxgrow", "ddxlog", "ddxpanel", "ddxservice", "ddxupdate", "ddxvideo"]  # ours
 LIBRARIES = srtp.LIBRARIES
 INIT_SCRIPTS = TOP / "board/common/init-scripts"
 # Debuggers then find the sources from the top of any clone, also those of an object that another clone compiled.

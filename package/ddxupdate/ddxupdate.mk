@@ -1,0 +1,14 @@
+################################################################################
+#
+# ddxupdate
+#
+################################################################################
+
+DDXUPDATE_VERSION = $(DDX_VERSION)
+DDXUPDATE_SITE = $(BR2_EXTERNAL_DDXVIDEO_PATH)/../package/ddxupdate
+DDXUPDATE_SITE_METHOD = local
+DDXUPDATE_LICENSE = GPL-2.0+
+DDXUPDATE_LICENSE_FILES = LICENSE
+DDXUPDATE_DEPENDENCIES = ddx
+
+$(eval $(meson-package))

@@ -1,0 +1,23 @@
+/* SPDX-License-Identifier: GPL-2.0-or-later */
+/* The machine: its files, and how it was booted. */
+#ifndef DDXUPDATE_PLACE_H
+#define DDXUPDATE_PLACE_H
+
+#include <limits.h>
+#include <stdbool.h>
+
+enum { WORD_MAX = 64 };
+
+struct place {
+    char block_lock[PATH_MAX], wrong[PATH_MAX], failed[PATH_MAX], state[PATH_MAX]; /* paths */
+    char here;              /* 'A' or 'B': the running slot; 0 if another loader started the machine */
+    char counted[WORD_MAX]; /* "begun=1": how the loader has counted this boot */
+};
+
+/* `root` comes before all paths; empty on a machine, a folder in tests. */
+void place_find(struct place *place, const char *root);
+
+/* Write a line to a new file, or to one that it replaces. */
+void place_note(const char *path, const char *text);
+
+#endif

@@ -1,0 +1,23 @@
+/* SPDX-License-Identifier: GPL-2.0-or-later */
+/*
+ * What a machine remembers about its updates: /data/update, lines NAME=VALUE. The file is replaced as a whole, so a
+ * power cut leaves the old or the new one. Lines of other versions of this program stay.
+ *
+ *   proven   the slot that has come up last as the chosen one
+ */
+#ifndef DDXUPDATE_STATE_H
+#define DDXUPDATE_STATE_H
+
+#include <stddef.h>
+
+struct state_line {
+    const char *name, *value;
+};
+
+/* The value of a line; empty if there is none. */
+void state_get(const char *path, const char *name, char *value, size_t size);
+
+/* Set these lines, and keep the others. 0, or -errno after a line. */
+int state_set(const char *path, const struct state_line *lines, size_t count);
+
+#endif
