@@ -11,6 +11,7 @@
 #   EXTERNAL=path[:path]  trees outside of ours: build, image, sdk, test; docs/programs.md
 #   JUNIT=file     for `make test`: the outcome of all tests as JUnit XML; docs/ci.md
 #   ROUNDS=, CASES=, BEFORE=commit  for `make bench`: docs/bench.md
+#   KEY=, SERIAL=, OLDEST=, UPDATE_KEYS=  for updates, and what an image accepts: docs/update.md
 #   DEV=           and more for `make flash`: docs/flash.md
 
 PYTHON = /usr/bin/python3 -B
@@ -28,6 +29,7 @@ RUN_CAMPAIGN = $(if $(filter bench-record,$(T)),tools/bench record $(ARGS),$(PYT
 	$(filter reproduce,$(T)),buildroot.py reproduce "$(BOARD)",$(CAMPAIGN).py $(ARGS)))
 
 .PHONY: help setup setup-run setup-build build run boot test test-long results again defects image sdk bench legal sbom lint flash \
+	update update-key \
 	docs desktop clean distclean
 
 # Targets with ## are those of every day; the others are for release and repair.
@@ -80,6 +82,10 @@ FLASH_WORDS = BOARD DEV IMAGE YES FILE SSH_KEY HOSTNAME NETWORK CONSOLE SERIAL
 TYPED = $(foreach word,$(FLASH_WORDS),$(if $(findstring command,$(origin $(word))),$(word)='$($(word))'))
 flash: setup-run ## write an image to a disk and compare: BOARD=dev DEV=/dev/sdX, see docs/flash.md
 	@$(PYTHON) tools/flash.py $(TYPED)
+update: setup-run ## an update file from a board's image, signed: BOARD=dev KEY=file, see docs/update.md
+	@$(PYTHON) tools/update.py file "$(BOARD)" "$(KEY)"
+update-key: setup-run # a pair of keys for updates, with a password: KEY=file
+	@$(PYTHON) tools/update.py key "$(KEY)"
 docs: setup      # type every command of docs/technician.md into the image, and take its pictures: BOARD=
 	@$(PYTHON) tools/docs.py "$(BOARD)"
 legal:           # licences and sources of all that is in an image: BOARD=, see docs/licences.md

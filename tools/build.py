@@ -14,8 +14,10 @@ from concurrent.futures import ThreadPoolExecutor
 from parts import trees
 from parts.common import OUTPUT, TOP, Failed, alone, commit, finish, fingerprint, run, say, step
 from parts.image import busybox, ffmpeg, kernel, native, rootfs, tables
+from parts.release import update_file
 
 DEV = OUTPUT / "dev"
+UPDATE_KEY = OUTPUT / "update/dev.key"
 RUN = OUTPUT / "run/dev"  # the image for `make run`, without catalog and FireWire cameras
 
 
@@ -45,6 +47,16 @@ def for_run() -> pathlib.Path:
     return dev([programs], RUN)
 
 
+def update_words() -> dict[str, str]:
+    """For post-build.sh: serials, and the keys of updates; without UPDATE_KEYS the development image trusts a key that
+    its first build makes, without a password."""
+    keys = trees.update_keys()
+    if not keys:
+        public = UPDATE_KEY.with_name(UPDATE_KEY.name + ".pub")
+        keys = [public if public.exists() else update_file.make_key(UPDATE_KEY, "-W")]
+    return {"DDX_SERIAL": trees.serial(), "DDX_OLDEST": trees.oldest(), "UPDATE_KEYS": " ".join(map(str, keys))}
+
+
 def dev(packages: list[pathlib.Path], folder: pathlib.Path = DEV) -> pathlib.Path:
     """The development image in that folder; `packages` are install trees."""
     tools = pathlib.Path(__file__).parent
@@ -52,7 +64,7 @@ def dev(packages: list[pathlib.Path], folder: pathlib.Path = DEV) -> pathlib.Pat
     root = folder / "root"
 
     def make_root() -> None:
-        rootfs.assemble(root, busybox_folder, kernel_folder, [*packages, codecs])
+        rootfs.assemble(root, busybox_folder, kernel_folder, [*packages, codecs], words)
         shell = root / "bin/busybox"
         (root / "boot/vmlinuz").write_bytes((kernel_folder / "boot/vmlinuz").read_bytes())
         kernel.initramfs(kernel_folder, shell, rootfs.libraries(shell, []), root / "boot/initrd")
@@ -61,11 +73,13 @@ def dev(packages: list[pathlib.Path], folder: pathlib.Path = DEV) -> pathlib.Pat
     def make_disk() -> None:
         run([TOP / "board/common/post-image.sh"], env={"BINARIES_DIR": str(folder)})
 
+    with alone("build", UPDATE_KEY.with_suffix(".lock")):
+        words = update_words()
     parts = tools / "parts/image"
     key = fingerprint([tools / "build.py", parts / "rootfs.py", parts / "tables.py", parts / "kernel.py",
                        *trees.each("overlay"), TOP / "board/dev", TOP / "board/common/post-build.sh", *tables.tables(),
-                       DEV / "kernel.stamp", *packages], busybox_folder.name, codecs.name,
-                      commit())
+                       *map(pathlib.Path, words["UPDATE_KEYS"].split()), DEV / "kernel.stamp", *packages],
+                      busybox_folder.name, codecs.name, commit(), words["DDX_SERIAL"], words["DDX_OLDEST"])
     with alone("build", folder.with_suffix(".lock")):  # parallel tests all call this
         step("root file system", folder / "root.stamp", key, make_root)
         step("disk", folder / "disk.stamp", fingerprint([TOP / "board/common"], key), make_disk)

@@ -31,12 +31,12 @@ CATALOG = TOP / "package/ddxcatalog"
 NETWORK = [CATALOG / f"network/{name}.c" for name in ("address", "participant", "records", "stamps", "type", "value")
            ] + [CATALOG / f"wire/{name}.c" for name in ("bucket", "description", "name", "sha256", "typehash")]
 UPDATE = TOP / "package/ddxupdate"
-UPDATED = [f"{name}.c" for name in ("block", "fat")]
+UPDATED = [f"{name}.c" for name in ("block", "fat", "manifest", "signature", "ustar")]
 # Sources of each target, below a package, and libraries.
 TARGETS: dict[str, tuple[pathlib.Path, list[str], list[str]]] = {
     "mcap": (LOG, MCAP, ["-lddx", "-llz4"]), "mp4": (VIDEO, MP4, ["-lddx"]), "panel": (PANEL, REQUEST, []),
     "repair": (VIDEO, CORE, ["-lm"]), "report": (VIDEO, CORE, ["-lm"]), "rtp": (VIDEO, CORE, ["-lm"]),
-    "sap": (VIDEO, SAP, ["-lavutil", "-lm"]), "update": (UPDATE, UPDATED, []),
+    "sap": (VIDEO, SAP, ["-lavutil", "-lm"]), "update": (UPDATE, UPDATED, ["-lsodium"]),
     "y4m": (VIDEO, Y4M, ["-lddx", "-lswscale", "-lavutil"])}
 FLAGS = ["-std=gnu11", "-g", "-O1", "-Wall", "-Wextra", "-Werror", "-fsanitize=fuzzer,address,undefined",
          "-fno-sanitize-recover=all", "-D_GNU_SOURCE", "-DDDXVIDEO_UNDECLARED"]

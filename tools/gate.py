@@ -25,6 +25,7 @@ from concurrent.futures import Future, ThreadPoolExecutor
 
 import build
 import buildroot
+from parts import trees
 from parts.common import OUTPUT, TOP, Failed, alone, commit, say
 from parts.guest import machine
 from parts.image import native, tables
@@ -145,6 +146,7 @@ def main() -> int:
     shutil.rmtree(suite.FAILED, ignore_errors=True)
     begin = time.monotonic()
     os.environ["DDX_COMMIT"] = commit()
+    os.environ["SERIAL"] = trees.serial()
     say(f"test: {commit()}")
     try:
         with junit.written(options.junit, run):

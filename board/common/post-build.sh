@@ -23,6 +23,7 @@ board=${DDX_BOARD:-unknown}
 base=${BR2_VERSION:+Buildroot $BR2_VERSION}
 version="$number ($commit, $board, ${base:=Debian})"
 mkdir -p "$target/usr/lib" "$target/etc"
+serial=${DDX_SERIAL:-$(git -C "$common" log -1 --format=%ct 2> /dev/null || echo 0)}
 cat > "$target/usr/lib/os-release" << LINES
 NAME=DDXVIDEO
 ID=ddxvideo
@@ -32,5 +33,15 @@ VERSION_ID=$number
 BUILD_ID=$commit
 VARIANT_ID=$board
 DDX_BASE="$base"
+DDX_LAYOUT=1
+DDX_SERIAL=$serial
+DDX_OLDEST=${DDX_OLDEST:-0}
 LINES
 ln -sf ../usr/lib/os-release "$target/etc/os-release"
+
+# The public keys of updates that this image accepts; those of an earlier build of this folder are revoked.
+rm -rf "$target/etc/ddx/update-keys"
+mkdir -p "$target/etc/ddx/update-keys"
+for key in ${UPDATE_KEYS:-}; do
+	install -m 644 "$key" "$target/etc/ddx/update-keys/"
+done

@@ -92,3 +92,7 @@ void block_came_up(struct block *block, char here) {
     if (here == block->failed)
         block->failed = 0;
 }
+
+char block_other(char slot) {
+    return slot == 'A' ? 'B' : 'A';
+}

@@ -27,4 +27,7 @@ bool block_has(const struct block *block, const char *line);
 /* Report that slot `here` has come up. */
 void block_came_up(struct block *block, char here);
 
+/* The slot besides this one. */
+char block_other(char slot);
+
 #endif

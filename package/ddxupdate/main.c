@@ -1,5 +1,5 @@
 /* SPDX-License-Identifier: GPL-2.0-or-later */
-/* ddxupdate: keeps the boot loader's block. Scripts call it. */
+/* ddxupdate: the boot loader's block and the slots of the disk. Scripts call it; people use `ddxctl update`. */
 #include <descriptors.h>
 #include <stdio.h>
 #include <string.h>
@@ -8,20 +8,65 @@
 #include "command.h"
 #include "message.h"
 
-static const char usage[] = "usage: ddxupdate [-root FOLDER] block BOOT\n"
+static const char usage[] = "usage: ddxupdate [-root FOLDER] COMMAND [-older] [-json] BOOT [A B]\n"
                             "\n"
                             "  block         report to the boot loader that this slot has come up\n"
+                            "  write         write the update on standard input into the slot that does not run\n"
+                            "  start         choose that slot for the next start\n"
+                            "  back          the same for an older version\n"
+                            "  status        what is in both slots\n"
                             "\n"
-                            "  BOOT          device of the boot partition\n"
-                            "  -root FOLDER  use the machine's files below this folder: proc, run, data\n"
+                            "  BOOT, A, B    devices of the boot partition and of both slots; A and B not for block\n"
+                            "  -older        write, start: also a version that is older than the running one\n"
+                            "  -json         status: one JSON object\n"
+                            "  -root FOLDER  use the machine's files below this folder: proc, run, data, etc\n"
                             "  -help         this text; -version\n"
                             "\n"
-                            "Exit status: 0, 1 failed, 2 bad usage: nothing was written.\n";
+                            "Exit status: 0, 1 failed, 2 refused or bad usage: nothing was written.\n";
+
+static const struct {
+    const char *name;
+    int devices; /* how many follow */
+    int (*run)(const struct request *request);
+} commands[] = {{"block", 1, command_block},
+                {"write", 3, command_write},
+                {"start", 3, command_start},
+                {"back", 3, command_back},
+                {"status", 3, command_status}};
+
+static bool take(char ***word, const char *option) {
+    const bool found = **word && !strcmp(**word, option);
+
+    *word += found;
+    return found;
+}
+
+static int run(struct request *request, const char *root, char **word) {
+    const char *name = *word;
+
+    if (!name)
+        return fail(2, "bad usage; see ddxupdate -help");
+    word++;
+    while (take(&word, "-older") ? (request->older = true) : take(&word, "-json") && (request->json = true))
+        continue;
+    int devices = 0;
+    while (word[devices])
+        devices++;
+    for (size_t i = 0; i < sizeof commands / sizeof commands[0]; i++)
+        if (!strcmp(name, commands[i].name) && devices == commands[i].devices) {
+            request->boot = word[0];
+            request->slots[0] = devices > 1 ? word[1] : NULL;
+            request->slots[1] = devices > 1 ? word[2] : NULL;
+            place_find(&request->place, root);
+            return commands[i].run(request);
+        }
+    return fail(2, "bad usage; see ddxupdate -help");
+}
 
 int main(int count, char **words) {
     struct request request = {0};
     const char *root = "";
-    int at = 1;
+    char **word = words + 1;
 
     descriptors_open();
     if (count == 2 && (!strcmp(words[1], "-help") || !strcmp(words[1], "--help")))
@@ -30,13 +75,7 @@ int main(int count, char **words) {
         version_print("ddxupdate");
         return 0;
     }
-    if (count > 2 && !strcmp(words[1], "-root")) {
-        root = words[2];
-        at = 3;
-    }
-    if (count - at != 2 || strcmp(words[at], "block") != 0)
-        return fail(2, "bad usage; see ddxupdate -help");
-    request.boot = words[at + 1];
-    place_find(&request.place, root);
-    return command_block(&request);
+    if (take(&word, "-root") && *word)
+        root = *word++;
+    return run(&request, root, word);
 }

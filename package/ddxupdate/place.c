@@ -27,6 +27,7 @@ static void read_words(struct place *place, const char *path) {
     for (char *word = strtok_r(line, " \n", &rest); word; word = strtok_r(NULL, " \n", &rest)) {
         take(word, "ddx.slot", slot);
         take(word, "ddx.counted", place->counted);
+        take(word, "ddx.layout", place->layout);
     }
     place->here = !strcmp(slot, "A") || !strcmp(slot, "B") ? slot[0] : 0;
 }
@@ -36,6 +37,10 @@ void place_find(struct place *place, const char *root) {
 
     *place = (struct place){0};
     path_of(place->block_lock, root, "/run/update.block");
+    path_of(place->lock, root, "/run/update.lock");
+    path_of(place->mount, root, "/run/update.slot");
+    path_of(place->release, root, "/etc/os-release");
+    path_of(place->keys, root, "/etc/ddx/update-keys");
     path_of(place->wrong, root, "/run/slot.wrong");
     path_of(place->failed, root, "/run/slot.failed");
     path_of(place->state, root, "/data/update");

@@ -9,9 +9,11 @@
 enum { WORD_MAX = 64 };
 
 struct place {
-    char block_lock[PATH_MAX], wrong[PATH_MAX], failed[PATH_MAX], state[PATH_MAX]; /* paths */
-    char here;              /* 'A' or 'B': the running slot; 0 if another loader started the machine */
-    char counted[WORD_MAX]; /* "begun=1": how the loader has counted this boot */
+    char block_lock[PATH_MAX], lock[PATH_MAX], wrong[PATH_MAX], failed[PATH_MAX], state[PATH_MAX], mount[PATH_MAX],
+        release[PATH_MAX], keys[PATH_MAX]; /* paths */
+    char here;                             /* 'A' or 'B': the running slot; 0 if another loader started the machine */
+    char counted[WORD_MAX];                /* "begun=1": how the loader has counted this boot */
+    char layout[WORD_MAX]; /* of the disk, as GRUB's menu has passed it; empty if the card's menu is older */
 };
 
 /* `root` comes before all paths; empty on a machine, a folder in tests. */

@@ -4,6 +4,8 @@
  * power cut leaves the old or the new one. Lines of other versions of this program stay.
  *
  *   proven   the slot that has come up last as the chosen one
+ *   tried    the slot of the last `start` or `back`
+ *   version  what that slot contains
  */
 #ifndef DDXUPDATE_STATE_H
 #define DDXUPDATE_STATE_H

@@ -42,6 +42,8 @@ def test_an_image_contains_its_version(tmp_path: pathlib.Path) -> None:
     found = image(tmp_path, DDX_COMMIT="v9-1-gabc", DDX_BOARD="miniitx", BR2_VERSION="2026.02.3")
     assert found["VERSION"] == f"{number()} (v9-1-gabc, miniitx, Buildroot 2026.02.3)"
     assert (found["ID"], found["BUILD_ID"], found["VARIANT_ID"]) == ("ddxvideo", "v9-1-gabc", "miniitx")
+    assert (found["DDX_LAYOUT"], found["DDX_OLDEST"]) == ("1", "0") and int(found["DDX_SERIAL"]) > 0
+    assert f"ddx.layout={found['DDX_LAYOUT']} " in (TOP / "board/common/grub.cfg").read_text()
     first = (tmp_path / "usr/lib/os-release").read_bytes()
     image(tmp_path, DDX_COMMIT="v9-1-gabc", DDX_BOARD="miniitx", BR2_VERSION="2026.02.3")
     assert (tmp_path / "usr/lib/os-release").read_bytes() == first

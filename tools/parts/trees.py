@@ -8,7 +8,7 @@ import pathlib
 import re
 from collections.abc import Iterable
 
-from parts.common import TOP, BadInput
+from parts.common import TOP, BadInput, output
 
 BUILDROOT = TOP / "buildroot-external"  # our tree for Buildroot; in other trees this is the top
 FOLDERS = ["package", "board", "configs", "overlay"]
@@ -29,6 +29,37 @@ def others() -> list[pathlib.Path]:
 def words() -> str:
     """EXTERNAL with absolute paths."""
     return ":".join(map(str, others()))
+
+
+def serial() -> str:
+    """The order of images: SERIAL, or the newest commit's time of all trees, in seconds since 1970; 0 outside git."""
+    if given := os.environ.get("SERIAL"):
+        if not given.isdecimal() or len(given) > 15:
+            raise BadInput(f"SERIAL={given}: a number is needed, such as seconds since 1970")
+        return given
+    times = [output(["git", "-C", str(tree), "log", "-1", "--format=%ct"]).strip() for tree in [TOP, *others()]]
+    return str(max((int(one) for one in times if one), default=0))
+
+
+def oldest() -> str:
+    """OLDEST: the serial of the oldest image that may replace this one; 0 if there is no limit."""
+    given = os.environ.get("OLDEST") or "0"
+    if not given.isdecimal() or int(given) > int(serial()):
+        raise BadInput(f"OLDEST={given}: a serial that is at most the image's own, {serial()}")
+    return given
+
+
+def update_keys() -> list[pathlib.Path]:
+    """UPDATE_KEYS: files with the public keys that an image trusts."""
+    found = [(TOP / word).resolve() for word in os.environ.get("UPDATE_KEYS", "").split()]
+    for path in found:
+        lines = path.read_text(errors="replace").splitlines() if path.is_file() else []
+        # A secret key's second line begins in the same way, but is longer.
+        if len(lines) != 2 or not re.fullmatch(r"RW[\w+/]{54}", lines[1]):
+            raise BadInput(f"UPDATE_KEYS: {path} is no public key; `make update-key KEY=file` makes file.pub")
+    if len({path.name for path in found}) != len(found):
+        raise BadInput("UPDATE_KEYS: two keys have the same name")
+    return found
 
 
 def each(place: str) -> list[pathlib.Path]:

@@ -41,8 +41,9 @@ def _add_users(root: pathlib.Path) -> None:
             file.writelines(f"{line}\n" for line in lines)
 
 
-def assemble(root: pathlib.Path, busybox: pathlib.Path, kernel: pathlib.Path, packages: list[pathlib.Path]) -> None:
-    """Fill the root, without the kernel's boot files."""
+def assemble(root: pathlib.Path, busybox: pathlib.Path, kernel: pathlib.Path, packages: list[pathlib.Path],
+             words: dict[str, str] | None = None) -> None:
+    """Fill the root, without the kernel's boot files. `words`: more of post-build.sh's environment."""
     shutil.rmtree(root, ignore_errors=True)
     shutil.copytree(BOARD / "skeleton", root, symlinks=True)
     shutil.copytree(busybox, root, symlinks=True, dirs_exist_ok=True)
@@ -54,7 +55,7 @@ def assemble(root: pathlib.Path, busybox: pathlib.Path, kernel: pathlib.Path, pa
                                 ignore=shutil.ignore_patterns(*UNWANTED))
     for overlay in trees.each("overlay"):  # a file takes the place of a link, and is not written through it
         run(["cp", "-a", "--remove-destination", f"{overlay}/.", root])
-    run([COMMON / "post-build.sh", root], env={"DDX_BOARD": "dev", "DDX_COMMIT": commit()})
+    run([COMMON / "post-build.sh", root], env={"DDX_BOARD": "dev", "DDX_COMMIT": commit(), **(words or {})})
     _add_users(root)
 
     search = [package / folder for package in packages for folder in ["usr/lib/x86_64-linux-gnu", "usr/lib"]]

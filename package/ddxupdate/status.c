@@ -1,0 +1,90 @@
+/* SPDX-License-Identifier: GPL-2.0-or-later */
+/* What is in both slots, which one is started next, and how the last attempt went. Writes nothing. */
+#include <inttypes.h>
+#include <stdio.h>
+#include <string.h>
+
+#include "choose.h"
+#include "message.h"
+#include "release.h"
+#include "state.h"
+
+struct answer {
+    struct release slots[2];
+    bool found[2];
+    struct block block;
+    char tried[WORD_MAX];
+};
+
+/* How the slot of the last `start` or `back` fared. */
+static const char *result(const struct request *request, const struct answer *answer) {
+    const char tried = answer->tried[0];
+
+    if (!tried)
+        return "none";
+    if (answer->block.failed == tried)
+        return "failed";
+    if (answer->block.slot != tried)
+        return "replaced";
+    return answer->block.left ? request->place.here == tried ? "trial" : "chosen" : "kept";
+}
+
+static void print_quoted(const char *text) {
+    putchar('"');
+    for (; *text; text++) {
+        if (*text == '"' || *text == '\\')
+            putchar('\\');
+        if (*text >= ' ' && *text <= '~')
+            putchar(*text);
+    }
+    putchar('"');
+}
+
+static void print_json(const struct request *request, const struct answer *answer) {
+    printf("{\"running\":\"%c\",\"chosen\":\"%c\",\"last\":\"%s\",\"slots\":{", request->place.here, answer->block.slot,
+           result(request, answer));
+    for (int i = 0; i < 2; i++) {
+        printf("%s\"%c\":", i ? "," : "", 'A' + i);
+        if (!answer->found[i]) {
+            printf("null");
+            continue;
+        }
+        printf("{\"version\":");
+        print_quoted(answer->slots[i].version);
+        printf(",\"serial\":%" PRIu64 "}", answer->slots[i].serial);
+    }
+    puts("}}");
+}
+
+static void print_text(const struct request *request, const struct answer *answer) {
+    for (int i = 0; i < 2; i++) {
+        const char slot = (char)('A' + i);
+        printf("slot %c%s%s: ", slot, slot == request->place.here ? ", running" : "",
+               slot == answer->block.slot ? ", started next" : "");
+        if (answer->found[i])
+            printf("version %s, serial %" PRIu64 "\n", answer->slots[i].version, answer->slots[i].serial);
+        else
+            puts("no version");
+    }
+    if (answer->tried[0])
+        printf("last update: slot %c, %s\n", answer->tried[0], result(request, answer));
+}
+
+int command_status(const struct request *request) {
+    const struct place *place = &request->place;
+    struct answer answer = {0};
+
+    if (!place->here)
+        return fail(1, "this machine was not started by the appliance's boot loader");
+    if (choose_read(request, &answer.block))
+        return 1;
+    state_get(place->state, "tried", answer.tried, sizeof answer.tried);
+    for (int i = 0; i < 2; i++)
+        answer.found[i] = 'A' + i == place->here ? release_read(place->release, &answer.slots[i])
+                                                 : release_of_slot(request->slots[i], place->mount, &answer.slots[i]);
+    if (request->json)
+        print_json(request, &answer);
+    else
+        print_text(request, &answer);
+    return fflush(stdout) ? 1 : 0;
+}

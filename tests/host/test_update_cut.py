@@ -1,0 +1,75 @@
+# SPDX-License-Identifier: GPL-2.0-or-later
+"""A power cut at any write of an update leaves a disk that boots a whole version, and nothing else is written."""
+from __future__ import annotations
+
+import functools
+import pathlib
+
+import pytest
+
+from parts.disk.logged_device import lacking
+from parts.testing import update_cut
+from parts.testing.update_cut import BLOCK, DATA, SLOTS
+
+from .test_slots import menu
+from .update_disk import FORMER, NEW, RUNNING, UpdateDisk
+
+pytestmark = pytest.mark.retry
+
+
+@functools.cache
+def _chosen(items: tuple[tuple[str, str], ...]) -> str:
+    return menu(dict(items))[1]
+
+
+def chosen(block: update_cut.Block) -> str:
+    return _chosen(tuple(sorted(block.items())))
+
+
+def run_update(disk: UpdateDisk, commands: str) -> None:
+    """The commands in turn; `keep`: the other slot comes up."""
+    for command in commands.split():
+        if command == "keep":
+            disk.words(f"ddx.slot={disk.other} ddx.layout=1 ddx.counted=left=3")
+            done = disk.run("block")
+        else:
+            done = disk.run(command, stdin=disk.update() if command == "write" else b"")
+        assert done.returncode == 0, f"{command}: {done.stderr}"
+
+
+def judge(disk: UpdateDisk, step: int, firm: bool) -> int:
+    """Returns the number of states that were judged."""
+    disk.stop()
+    cuts = update_cut.Cuts(disk.before, disk.block_at, disk.device.log, step)
+    assert cuts.strays([(disk.block_at, BLOCK), SLOTS[disk.other], DATA]) == []
+    whole, count = [disk.roots[RUNNING], disk.roots[NEW], disk.roots[FORMER]], 0
+    found: list[str] = []
+    for state in cuts.states():
+        count += 1
+        found += update_cut.wrong(state, chosen, whole, firm)
+    assert not found, f"{len(found)} of {count} states: {found[:5]}"
+    return count
+
+
+@pytest.mark.parametrize("here", ["A", "B"])
+@pytest.mark.parametrize("step", [32, pytest.param(1, marks=pytest.mark.long)], ids=["some", "all"])
+def test_no_power_cut_leaves_half_a_version(tmp_path: pathlib.Path, here: str, step: int) -> None:
+    """GRUB counts boots in `start` as `keep` sees it: the block after its first boot is part of test_slots.py."""
+    if reason := lacking():
+        pytest.skip(reason)
+    with UpdateDisk(tmp_path, here) as disk:
+        run_update(disk, "write start keep")
+        assert disk.slot(disk.other).startswith(disk.roots[NEW])
+        assert disk.slot(here).startswith(disk.roots[RUNNING])
+        assert disk.block() == ({"slot": "B"} if disk.other == "B" else {})
+        assert judge(disk, step, firm=True) >= 300
+
+
+def test_a_slot_that_did_not_come_up_is_filled_again(tmp_path: pathlib.Path) -> None:
+    """The other slot is the chosen one when the update begins, and not whole."""
+    if reason := lacking():
+        pytest.skip(reason)
+    with UpdateDisk(tmp_path, "A", former=False, block={"slot": "B", "begun": "2"}) as disk:
+        run_update(disk, "write start keep")
+        assert disk.block() == {"slot": "B"}
+        assert judge(disk, 32, firm=False) >= 300

@@ -1,0 +1,127 @@
+# SPDX-License-Identifier: GPL-2.0-or-later
+"""A small disk with a boot partition, two slots and settings, for power cuts at any write of an update, and what such a
+disk boots."""
+import dataclasses
+import pathlib
+import random
+from collections.abc import Callable, Iterator
+
+from parts.common import TOP, run, scratch
+from parts.disk import blocklog
+from parts.disk.blocklog import SECTOR, Writes
+
+MIB = 1 << 20
+BOOT, SLOTS, DATA = (MIB, 4 * MIB), {"A": (5 * MIB, 3 * MIB), "B": (8 * MIB, 3 * MIB)}, (11 * MIB, 8 * MIB)
+SIZE = 20 * MIB
+BLOCK = 1024
+HEAD = b"# GRUB Environment Block\n"
+MAGIC = b"hsqs"  # a squashfs begins with it
+
+Block = dict[str, str]
+Menu = Callable[[Block], str]  # the slot that GRUB's menu chooses for such a block
+
+
+def text_of(block: Block) -> bytes:
+    return (HEAD + "".join(f"{name}={value}\n" for name, value in block.items()).encode()).ljust(BLOCK, b"#")
+
+
+def make_disk(image: pathlib.Path, block: Block, slots: dict[str, bytes]) -> int:
+    """Returns where the boot loader's block is."""
+    with scratch() as folder:
+        boot, data, file = folder / "boot", folder / "data", folder / "grubenv"
+        file.write_bytes(text_of(block))
+        run(["mkfs.vfat", "--invariant", "-C", "-n", "DDXBOOT", boot, str(BOOT[1] // 1024)])
+        run(["mmd", "-i", boot, "::grub"])
+        run(["mcopy", "-i", boot, TOP / "board/common/grub.cfg", "::grub/grub.cfg"])
+        run(["mcopy", "-i", boot, file, "::grub/grubenv"])
+        run(["truncate", "-s", str(DATA[1]), data])
+        run(["mke2fs", "-q", "-b", "1024", "-t", "ext4", "-m", "0", "-E", "lazy_itable_init=0,lazy_journal_init=0",
+             data])
+        disk = bytearray(SIZE)
+        for begin, content in [(BOOT[0], boot.read_bytes()), (DATA[0], data.read_bytes()),
+                               *((SLOTS[name][0], content) for name, content in slots.items())]:
+            disk[begin:begin + len(content)] = content
+    image.write_bytes(disk)
+    return disk.index(text_of(block))
+
+
+@dataclasses.dataclass(frozen=True)
+class State:
+    """A possible disk after a power cut: the block, both slots, and how it came about."""
+    block: bytes
+    slots: dict[str, bytes]
+    how: str
+
+
+class Cuts:
+    """All states of a disk while its logged writes happened."""
+
+    def __init__(self, before: bytes, block_at: int, log: pathlib.Path, step: int) -> None:
+        """A write of the block or of the first MiB of a slot is cut at each `step`th sector."""
+        self.disk, self.block_at, self.step = blocklog.LoggedDisk(0, before), block_at, step
+        self.entries = [entry for entry in blocklog.entries(log) if entry.offset < SIZE]
+        self.chance = random.Random(7)
+
+    def _view(self, begin: int, size: int, written: Writes) -> bytes:
+        part = bytearray(self.disk.safe[begin:begin + size])
+        for at, data in written:
+            low, high = max(at, begin), min(at + len(data), begin + size)
+            if low < high:
+                part[low - begin:high - begin] = data[low - at:high - at]
+        return bytes(part)
+
+    def state(self, written: Writes, how: str) -> State:
+        return State(self._view(self.block_at, BLOCK, written),
+                     {name: self._view(begin, size, written) for name, (begin, size) in SLOTS.items()}, how)
+
+    def _is_sensitive(self, at: int) -> bool:
+        return self.block_at <= at < self.block_at + BLOCK or any(
+            begin <= at < begin + MIB for begin, _ in SLOTS.values())
+
+    def _pieces(self, number: int, entry: blocklog.Entry) -> Iterator[State]:
+        """The entry's first sectors alone."""
+        for size in range(SECTOR, len(entry.data), SECTOR * self.step):
+            yield self.state([*self.disk.all_written(), (entry.offset, entry.data[:size])],
+                             f"write {number} at {entry.offset}: its first {size} bytes")
+
+    def states(self) -> Iterator[State]:
+        for number, entry in enumerate(self.entries):
+            if entry.data and self._is_sensitive(entry.offset):
+                yield from self._pieces(number, entry)
+            if not self.disk.add(entry):
+                continue
+            yield self.state(self.disk.all_written(), f"write {number} at {entry.offset}")
+            for variant in range(3):
+                yield self.state(self.disk.some_written(self.chance),
+                                 f"write {number} at {entry.offset}, variant {variant}")
+
+    def strays(self, allowed: list[tuple[int, int]]) -> list[int]:
+        """Writes outside of these ranges, given as offset and size."""
+        return [entry.offset for entry in self.entries if entry.data and not any(
+            begin <= entry.offset and entry.offset + len(entry.data) <= begin + size for begin, size in allowed)]
+
+
+def block_of(text: bytes) -> Block | None:
+    """The variables; None: GRUB finds no block."""
+    if not text.startswith(HEAD):
+        return None
+    lines = text.decode("latin1").split("\n")
+    return dict(line.split("=", 1) for line in lines if "=" in line and not line.startswith("#"))
+
+
+def wrong(state: State, menu: Menu, whole: list[bytes], firm: bool) -> Iterator[str]:
+    """What such a disk would do that it must not. `whole`: contents of a slot that may be booted. `firm`: the chosen
+    slot is whole itself; otherwise GRUB may find no kernel there, and boot the other slot."""
+    good = {name: any(slot.startswith(one) for one in whole) for name, slot in state.slots.items()}
+    kernel = {name: slot.startswith(MAGIC) for name, slot in state.slots.items()}
+    for name in state.slots:
+        if kernel[name] and not good[name]:
+            yield f"{state.how}: slot {name} has a kernel, but is not whole"
+    for block, lost in [(block_of(state.block), False), (None, True)]:
+        chosen = menu(block or {})
+        other = "B" if chosen == "A" else "A"
+        boots = chosen if kernel[chosen] else other
+        if not good[boots]:
+            yield f"{state.how}{', block zeroed' if lost else ''}: slot {boots} is booted, and is not whole"
+        if firm and not lost and not good[chosen]:
+            yield f"{state.how}: slot {chosen} is chosen, and is not whole"
