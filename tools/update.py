@@ -32,7 +32,7 @@ def make_file(board: str, key: str) -> None:
     if what.board != board:
         raise Failed(f"{image} is for the board {what.board}")
     target = folder / f"ddxvideo-{board}-{what.version.split()[0]}.update"
-    target.write_bytes(update_file.make(what, root, pathlib.Path(key)))
+    target.write_bytes(update_file.make(what, root, pathlib.Path(key).expanduser()))
     say(f"update: {target}: version {what.version}, serial {what.serial}, {target.stat().st_size / 1e6:.1f} MB")
 
 
@@ -41,7 +41,7 @@ def main() -> int:
         case ["file", board, key]:
             make_file(board, key)
         case ["key", key] if key:
-            public = update_file.make_key(pathlib.Path(key))
+            public = update_file.make_key(pathlib.Path(key).expanduser())
             say(f"update: {key}: keep it secret. Images trust {public} if they are built with UPDATE_KEYS={public}")
         case ["key", _]:
             raise BadInput("where to? KEY=file")

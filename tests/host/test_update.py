@@ -13,6 +13,7 @@ from collections.abc import Callable, Iterator
 
 import pytest
 
+from parts import trees
 from parts.common import BadInput, run
 from parts.disk.logged_device import lacking
 from parts.image import native
@@ -300,6 +301,29 @@ def test_keys(tmp_path: pathlib.Path) -> None:
         update_file.make_key(secret, "-W")
     with pytest.raises(BadInput, match="there is no key"):
         update_file.sign(b"", tmp_path / "none")
+
+
+def test_the_words_for_an_image(tmp_path: pathlib.Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """A secret key must not get into an image."""
+    public = update_file.make_key(tmp_path / "robots.key", "-W")
+    monkeypatch.setenv("UPDATE_KEYS", f"{public} {public}")
+    with pytest.raises(BadInput, match="two keys have the same name"):
+        trees.update_keys()
+    for path in (tmp_path / "robots.key", tmp_path / "none"):
+        monkeypatch.setenv("UPDATE_KEYS", str(path))
+        with pytest.raises(BadInput, match="is no public key"):
+            trees.update_keys()
+    monkeypatch.setenv("UPDATE_KEYS", str(public))
+    assert trees.update_keys() == [public]
+    monkeypatch.setenv("SERIAL", "2000")
+    monkeypatch.setenv("OLDEST", "2000")
+    assert (trees.serial(), trees.oldest()) == ("2000", "2000")
+    monkeypatch.setenv("OLDEST", "2001")
+    with pytest.raises(BadInput, match="at most the image's own, 2000"):
+        trees.oldest()
+    monkeypatch.setenv("SERIAL", "on")
+    with pytest.raises(BadInput, match="SERIAL=on: a number is needed"):
+        trees.serial()
 
 
 def test_minisign_and_tar_read_an_update_file(disk: UpdateDisk, tmp_path: pathlib.Path) -> None:

@@ -51,7 +51,8 @@ def oldest() -> str:
 
 def update_keys() -> list[pathlib.Path]:
     """UPDATE_KEYS: files with the public keys that an image trusts."""
-    found = [(TOP / word).resolve() for word in os.environ.get("UPDATE_KEYS", "").split()]
+    given = os.environ.get("UPDATE_KEYS", "").split()
+    found = [(TOP / pathlib.Path(word).expanduser()).resolve() for word in given]
     for path in found:
         lines = path.read_text(errors="replace").splitlines() if path.is_file() else []
         # A secret key's second line begins in the same way, but is longer.

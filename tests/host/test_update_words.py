@@ -1,0 +1,75 @@
+# SPDX-License-Identifier: GPL-2.0-or-later
+"""The words of `ddxctl update`: what it passes to ddxupdate, and when it restarts the machine.
+tests/boot/test_update.py has the whole on a machine."""
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+import pytest
+
+from .appliance import Appliance
+
+pytestmark = pytest.mark.retry
+
+
+@pytest.fixture(name="robot", scope="module")
+def _robot(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Appliance]:
+    appliance = Appliance(tmp_path_factory.mktemp("words"))
+    appliance.install("package/ddxupdate/ctl-update", "usr/libexec/ddx/ctl-update")
+    appliance.add("usr/libexec/ddx/own-partition", '#!/bin/sh\n[ ! -e /run/none ] && echo "/dev/own$1"\n')
+    appliance.add("usr/libexec/ddx/ddxupdate",
+                  '#!/bin/sh\n{ echo "$*"; cat; } > /run/words\nexit "$(cat /run/status)"\n')
+    (appliance.root / "sbin/reboot").unlink()  # a link to BusyBox
+    appliance.add("sbin/reboot", "#!/bin/sh\necho restart >> /run/words\n")
+    (appliance.root / "run/file").write_text("content\n")
+    yield appliance
+    appliance.end()
+
+
+def words(robot: Appliance, command: str, status: int = 0) -> tuple[int, str, str]:
+    """Exit status, output, and what was called."""
+    called = robot.root / "run/words"
+    called.unlink(missing_ok=True)
+    (robot.root / "run/status").write_text(f"{status}\n")
+    code, said = robot.run(f"{command} < /dev/null")
+    return code, said, called.read_text() if called.exists() else ""
+
+
+DEVICES = "/dev/own1 /dev/own2 /dev/own3\n"
+
+
+@pytest.mark.parametrize("typed, status, called", [
+    ("/run/file", 0, f"write {DEVICES}content\n"),
+    ("/run/file -older", 2, f"write -older {DEVICES}content\n"),
+    ("-", 0, f"write {DEVICES}"),
+    ("--older -", 1, f"write -older {DEVICES}"),
+    ("start", 0, f"start {DEVICES}restart\n"),
+    ("start -older", 0, f"start -older {DEVICES}restart\n"),
+    ("start", 2, f"start {DEVICES}"),
+    ("back", 0, f"back {DEVICES}restart\n"),
+    ("back", 1, f"back {DEVICES}"),
+    ("status", 0, f"status {DEVICES}"),
+    ("status --json", 0, f"status -json {DEVICES}"),
+])
+def test_words(robot: Appliance, typed: str, status: int, called: str) -> None:
+    assert words(robot, f"/usr/libexec/ddx/ctl-update {typed}", status) == (status, "", called)
+
+
+@pytest.mark.parametrize("typed, said", [
+    ("", "needs a file, -, start, back or status"),
+    ("/run/none", "/run/none: there is no such file"),
+    ("start back", "unexpected 'back'"),
+    ("-x", "unknown option -x"),
+    ("start -json", "-json belongs to status"),
+    ("https://example.org/x.update", "an update is not read from there"),
+])
+def test_bad_words(robot: Appliance, typed: str, said: str) -> None:
+    code, text, called = words(robot, f"/usr/libexec/ddx/ctl-update {typed}")
+    assert (code, called) == (2, "") and text.startswith("ddxctl: update: ") and said in text and text.count("\n") == 1
+
+
+def test_another_disk(robot: Appliance) -> None:
+    (robot.root / "run/none").touch()
+    code, text, called = words(robot, "/usr/libexec/ddx/ctl-update start")
+    (robot.root / "run/none").unlink()
+    assert (code, text, called) == (2, "ddxctl: update: this disk does not have the appliance's partitions\n", "")
