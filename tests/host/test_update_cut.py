@@ -8,8 +8,8 @@ import pathlib
 import pytest
 
 from parts.disk.logged_device import lacking
-from parts.testing import update_cut
-from parts.testing.update_cut import BLOCK, DATA, SLOTS
+from lib import update_cut
+from lib.update_cut import BLOCK, DATA, SLOTS
 
 from .test_slots import menu
 from .update_disk import FORMER, NEW, RUNNING, UpdateDisk
