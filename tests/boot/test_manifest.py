@@ -84,6 +84,13 @@ def test_a_falsified_line_is_found(root: pathlib.Path, image: pathlib.Path, monk
     assert complaints(root, image)[kind] != []
 
 
+def test_x264_is_loaded_by_the_programs_that_call_it_alone(root: pathlib.Path) -> None:
+    """In a library, it would cost each grabber memory and time at its start, and put the library under the GPL."""
+    linked = {path.name for path in root.rglob("*") if path.is_file() and not path.is_symlink() and
+              path.stat().st_mode & 0o111 and b"libx264.so" in path.read_bytes() and "libx264" not in path.name}
+    assert linked == {"ddxvideosave", "ddxvideosend"}
+
+
 @pytest.mark.skipif(BOARD == machine.DEV, reason="the development image's FFmpeg is built for this machine")
 def test_ffmpeg_detects_processor_features_at_run_time(root: pathlib.Path) -> None:
     """Code for newer processors is built in; `configure` takes the last word of each pair."""
