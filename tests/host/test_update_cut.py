@@ -7,9 +7,9 @@ import pathlib
 
 import pytest
 
-from parts.disk.logged_device import lacking
 from lib import update_cut
 from lib.update_cut import BLOCK, DATA, SLOTS
+from parts.disk.logged_device import lacking
 
 from .test_slots import menu
 from .update_disk import FORMER, NEW, RUNNING, UpdateDisk

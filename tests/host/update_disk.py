@@ -7,13 +7,13 @@ import pathlib
 import random
 import subprocess
 
+from lib import update_cut
+from lib.update_cut import BOOT, DATA, SLOTS
 from parts.common import Closing, run
 from parts.disk.logged_device import LoggedDevice
 from parts.image import native
 from parts.release import update_file
 from parts.release.update_file import Release
-from lib import update_cut
-from lib.update_cut import BOOT, DATA, SLOTS
 
 RUNNING, NEW = Release("test", "1", "0.2.0 (running)", "1000"), Release("test", "1", "0.3.0 (new)", "2000")
 FORMER = Release("test", "1", "0.1.0 (former)", "500")

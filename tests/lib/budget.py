@@ -10,7 +10,7 @@ from parts.guest.qemu import Guest
 
 BUDGET = TOP / "board/common/budget.txt"
 NEAR = 0.9
-MIB = 1 << 20
+MIB, PAGE = 1 << 20, 4096
 
 
 @dataclasses.dataclass(frozen=True)
@@ -49,25 +49,56 @@ def compressed(image: pathlib.Path) -> int:
     return int(run(["sh", "-c", 'xz -6 -T2 --stdout "$1" | wc -c', "sh", image]))
 
 
+def _free_in_lists(zones: str) -> int:
+    """Pages that are free, but in lists of single processors, which MemAvailable leaves out; from /proc/zoneinfo."""
+    return sum(map(int, re.findall(r"^ +count: (\d+)$", zones, re.M)))
+
+
 def memory(guest: Guest) -> float:
-    """MiB of the system's memory that are neither available nor frames in the store."""
+    """MiB of the system's memory that are neither free, nor available, nor frames in the store."""
     found = re.search(r"Memory: \d+K/(\d+)K available", guest.sh("dmesg"))
     assert found
     kilobytes = {name: int(value) for name, value in re.findall(r"^(\w+):\s+(\d+) kB$", guest.sh("cat /proc/meminfo"),
                                                                re.M)}
     frames = json.loads(guest.sh("ddxctl list --json"))["bytes"]
-    return (int(found[1]) - kilobytes["MemAvailable"]) / 1024 - float(frames) / MIB
+    free = _free_in_lists(guest.sh("cat /proc/zoneinfo")) * PAGE
+    return (int(found[1]) - kilobytes["MemAvailable"]) / 1024 - (float(frames) + free) / MIB
 
 
-def starts(guest: Guest) -> list[tuple[str, float, float]]:
-    """The boot's critical path: each script, its start and its duration (s)."""
-    found = []
+@dataclasses.dataclass(frozen=True)
+class Step:
+    """A script of the boot: its start, its duration, and how long the processors had been idle when it began (s)."""
+    name: str
+    begin: float
+    took: float
+    idle: float
+
+
+@dataclasses.dataclass(frozen=True)
+class Timeline:
+    """A boot of a machine with one processor: seconds since the kernel's start."""
+    steps: list[Step]       # the critical path
+    first_frame: float
+    source: tuple[float, float]  # when the program began that writes the first frame, and the idle time until then
+
+    def values(self) -> dict[str, float]:
+        first = self.steps[0]
+        begun, idle = self.source
+        return {"first_frame": self.first_frame, "start": max(step.took for step in self.steps),
+                "kernel_work": first.begin - first.idle,
+                # The source waits for nothing, so that all idle time lies before its start.
+                "user_work": self.first_frame - first.begin - (idle - first.idle)}
+
+    def table(self) -> str:
+        lines = [f"{step.begin:7.2f} s  {step.name:18} {step.took:5.2f} s" for step in self.steps]
+        return "\n".join([*lines, f"{self.source[0]:7.2f} s  the source begins", f"{self.first_frame:7.2f} s  first frame"])
+
+
+def timeline(guest: Guest, source: str, first_frame: float) -> Timeline:
+    """`source`: the service that writes the first frame."""
+    steps = []
     for line in guest.sh("cat /run/log/boot").splitlines():
-        begin, end, _, name = line.split()
-        found.append((name, float(begin), float(end) - float(begin)))
-    return found
-
-
-def path(found: list[tuple[str, float, float]], first_frame: float) -> str:
-    lines = [f"{begin:7.2f} s  {name:18} {took:5.2f} s" for name, begin, took in found]
-    return "\n".join([*lines, f"{first_frame:7.2f} s  first frame"])
+        begin, end, _, name, idle = line.split()
+        steps.append(Step(name, float(begin), float(end) - float(begin), float(idle)))
+    begun, idle = guest.sh(f"cat /run/service/{source}/begin").split()
+    return Timeline(steps, first_frame, (float(begun), float(idle)))
