@@ -39,11 +39,14 @@ static bool counter_switch(dc1394camera_t *device, bool wanted) {
 
 /* Read it from a frame, and replace it by the pixels two rows below, which have the same colours. */
 static uint32_t counter_take(dc1394video_frame_t *frame) {
+    size_t below = 2 * (size_t)frame->stride;
     uint32_t number;
 
+    if (frame->image_bytes < sizeof number) /* a picture of one or two pixels */
+        return 0;
     memcpy(&number, frame->image, sizeof number);
-    if (frame->size[1] > 2)
-        memcpy(frame->image, frame->image + 2 * (size_t)frame->stride, sizeof number);
+    if (frame->size[1] > 2 && frame->image_bytes >= below + sizeof number)
+        memcpy(frame->image, frame->image + below, sizeof number);
     return ntohl(number);
 }
 
