@@ -38,15 +38,20 @@ static int play_writer(int count) {
     return 1;
 }
 
-/* Publishes a frame, and later another one, but dies before it wakes readers for the second. */
-static int play_untold(void) {
+/*
+ * Publishes a frame, and later another one, but dies before it wakes readers for the second. `taken` is the end of a pipe
+ * from which a byte comes when the reader has the first frame.
+ */
+static int play_untold(int taken) {
     DDX_STORE_ID *id = ddx_store_open(NULL, 0, 2);
     DDX_STORE_ITEM *item = ddx_store_lookup_item(id, "untold", "BLOCK", sizeof(BLOCK));
     static BLOCK block;
     void *data;
+    char byte;
 
     CHECK(item);
     CHECK_EQUAL(ddx_store_write(item, &block, NULL), 0);
+    CHECK_EQUAL(read(taken, &byte, 1), 1);
     nanosleep(&(struct timespec){0, 300000000}, NULL); /* until the reader sleeps */
     CHECK_EQUAL(ddx_store_loan(item, &data), 0);
     fill(data, 2);
@@ -103,29 +108,38 @@ static void test_long_sleep(DDX_STORE_ID *id) {
 static void test_untold(DDX_STORE_ID *id, const char *program) {
     DDX_STORE_ITEM *in = ddx_store_lookup_item(id, "untold", "BLOCK", sizeof(BLOCK));
     struct ddx_frame frame;
-    int status;
-    pid_t pid = fork();
+    int status, taken[2];
 
+    CHECK_EQUAL(pipe(taken), 0);
+    pid_t pid = fork();
     CHECK(in && pid >= 0);
     if (pid == 0) {
-        execl(program, program, "u", "", (char *)NULL);
+        char end[16];
+
+        snprintf(end, sizeof end, "%d", taken[0]);
+        execl(program, program, "u", end, (char *)NULL);
         _exit(127);
     }
     CHECK_EQUAL(ddx_store_acquire(in, &frame, 5, DDX_NEXT), 0);
     CHECK_EQUAL(frame.sequence, 1);
     CHECK_EQUAL(ddx_store_release(in), 0);
+    CHECK_EQUAL(write(taken[1], "x", 1), 1);
     int64_t before = ddx_time_now();
     CHECK_EQUAL(ddx_store_acquire(in, &frame, 20, DDX_NEXT), 0);
     CHECK_EQUAL(frame.sequence, 2);
     CHECK(ddx_time_now() - before < 10000000000);
     CHECK_EQUAL(waitpid(pid, &status, 0), pid);
     CHECK(WIFSIGNALED(status) && WTERMSIG(status) == SIGKILL);
+    close(taken[0]);
+    close(taken[1]);
     ddx_store_done_item(in);
 }
 
 int main(int argc, char **argv) {
     if (argc > 1)
-        return argv[1][0] == 'w' ? play_writer(atoi(argv[2])) : argv[1][0] == 'u' ? play_untold() : play_reader();
+        return argv[1][0] == 'w'   ? play_writer(atoi(argv[2]))
+               : argv[1][0] == 'u' ? play_untold(atoi(argv[2]))
+                                   : play_reader();
     store_folder_make();
     store_start("8M");
     DDX_STORE_ID *id = ddx_store_open(NULL, 0, 2);
