@@ -23,7 +23,7 @@ SUBJECT = 72  # characters
 
 # Phrases that CONTRIBUTING.md rules out, with the reason.
 PLAIN = [
-    (r"\b(no|some|every)body\b|\bwhoever\b", "name the program or person"),
+    (r"(?<!\")\b(no|some|every)body\b|\bwhoever\b", "name the program or person"),
     (r"(^|[.,;:(] )who\b", "name the program or person before \"who\""),
     (r"\banew\b", "again"),
     (r"\bso many\b", "a number or a name"),

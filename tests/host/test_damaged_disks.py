@@ -12,7 +12,6 @@ from collections.abc import Iterator
 import pytest
 from parts.common import SBIN, run
 from parts.guest.slow_disk import FILE_SYSTEMS
-from parts.image import rootfs
 
 from .appliance import Appliance
 from .programs import wait_until
@@ -46,24 +45,15 @@ class Robot(Appliance):
         assert self.run("mount --bind /run/console /dev/console")[0] == 0
         with (self.root / "etc/passwd").open("a") as users:
             users.write("ddxsave:x:903:900::/:/bin/sh\nddxlogger:x:909:900::/:/bin/sh\n")
-        self.install_program("e2fsck")
+        checker = shutil.which("e2fsck", path=SBIN["PATH"])
+        assert checker
+        self.install_program(pathlib.Path(checker), checker.lstrip("/"))
         self.add("usr/libexec/ddx/serial", "#!/bin/sh\nexec cat\n")
         self.add("usr/libexec/ddx/grow", "#!/bin/sh\necho 'ddxgrow: done'\n")
         for label in SIZES:
             self.devices[label] = self.disk(label)
         self.add("usr/libexec/ddx/own-partition", "#!/bin/sh\ncase $1 in\n5) echo {DDXDATA} ;;\n6) echo {DDXREC} ;;\n"
                                                   "esac\n".format(**self.devices))
-
-    def install_program(self, program: str) -> None:
-        """Copy a program of the desk with its libraries."""
-        found = shutil.which(program, path=SBIN["PATH"])
-        assert found
-        path = pathlib.Path(found)
-        for file in [path, *rootfs.libraries(path, [])]:
-            to = self.root / file.relative_to("/")
-            if not to.exists():
-                to.parent.mkdir(parents=True, exist_ok=True)
-                shutil.copy(file, to)
 
     def disk(self, label: str, name: str = "") -> str:
         """Make a disk with a file on it."""

@@ -91,7 +91,8 @@ class Timeline:
 
     def table(self) -> str:
         lines = [f"{step.begin:7.2f} s  {step.name:18} {step.took:5.2f} s" for step in self.steps]
-        return "\n".join([*lines, f"{self.source[0]:7.2f} s  the source begins", f"{self.first_frame:7.2f} s  first frame"])
+        lines += [f"{self.source[0]:7.2f} s  the source begins", f"{self.first_frame:7.2f} s  first frame"]
+        return "\n".join(lines)
 
 
 def timeline(guest: Guest, source: str, first_frame: float) -> Timeline:

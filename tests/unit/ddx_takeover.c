@@ -39,8 +39,8 @@ static int play_writer(int count) {
 }
 
 /*
- * Publishes a frame, and later another one, but dies before it wakes readers for the second. `taken` is the end of a pipe
- * from which a byte comes when the reader has the first frame.
+ * Publishes a frame, and later another one, but dies before it wakes readers for the second. A byte comes from the pipe
+ * `taken` when the reader has the first frame.
  */
 static int play_untold(int taken) {
     DDX_STORE_ID *id = ddx_store_open(NULL, 0, 2);
