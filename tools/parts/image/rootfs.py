@@ -64,7 +64,7 @@ def assemble(root: pathlib.Path, busybox: pathlib.Path, kernel: pathlib.Path, pa
         (root / name.lstrip("/")).unlink(missing_ok=True)
         _copy(pathlib.Path(name), root / name.lstrip("/"))
         programs.append(root / name.lstrip("/"))
-    for folder in ["usr/bin", "usr/sbin", "usr/lib"]:
+    for folder in ["usr/bin", "usr/sbin", "usr/lib", "usr/libexec"]:
         programs += [p for p in (root / folder).rglob("*") if p.is_file() and not p.is_symlink()]
     for program in programs:
         if program.open("rb").read(4) != b"\x7fELF":
