@@ -9,12 +9,9 @@ from parts.guest.robot import Robot
 
 BLOCK = 128 << 10  # of the squashfs
 ELF = b"\x7fELF"
-PRIVATE = """
-for folder in /proc/[0-9]*; do
-	[ -r "$folder/smaps_rollup" ] && read -r name < "$folder/comm" || continue
-	awk -v name="$name" '/^Private_/ { sum += $2 } END { if (sum) print sum, name }' "$folder/smaps_rollup"
-done 2> /dev/null
-true"""
+# One line, since a guest gets the lines of a command joined by spaces.
+PRIVATE = ("for one in /proc/[0-9]*; do read -r name < $one/comm && awk -v name=\"$name\" "
+           "'/^Private_/ { sum += $2 } END { if (sum) print sum, name }' $one/smaps_rollup; done 2> /dev/null; true")
 
 
 def _packed(data: bytes) -> int:
