@@ -615,10 +615,14 @@ static void test_newcomers_wait_quietly(void) {
     CHECK(other);
     DDX_STORE_ITEM *item = ddx_store_lookup_item(other, "newcomer", "int", sizeof(int));
     CHECK(item);
-    CHECK(ddx_time_now() - begin > 250000000);
     unsigned long sleeps = store_sleeps();
+    DDX_TIME waited = ddx_time_now() - begin;
+    CHECK(waited > 250000000);
     CHECK(sleeps >= 8); /* some turns handle messages instead */
-    CHECK(sleeps <= 100);
+    if (sleeps > (unsigned long)(waited / 2500000))
+        fprintf(stderr, "%lu sleeps in %lld ms\n", sleeps, (long long)waited / 1000000);
+    CHECK(sleeps <=
+          (unsigned long)(waited / 2500000)); /* a busy machine starts the store slowly, and waits for longer */
     ddx_store_close(other);
 }
 
