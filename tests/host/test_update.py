@@ -22,7 +22,7 @@ from parts.release.update_file import MEMBERS
 
 from .update_disk import FORMER, NEW, RUNNING, UpdateDisk
 
-pytestmark = pytest.mark.retry
+pytestmark = [pytest.mark.computes, pytest.mark.retry]
 
 Members = list[tuple[str, bytes]]
 

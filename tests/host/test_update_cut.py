@@ -14,7 +14,7 @@ from parts.disk.logged_device import lacking
 from .test_slots import menu
 from .update_disk import FORMER, NEW, RUNNING, UpdateDisk
 
-pytestmark = pytest.mark.retry
+pytestmark = [pytest.mark.computes, pytest.mark.retry]
 
 
 @functools.cache

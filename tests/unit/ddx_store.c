@@ -595,7 +595,13 @@ static void test_restart_and_stop(void) {
     store_signal(SIGSTOP);
     nap(0.4);
     store_signal(SIGCONT);
-    CHECK_EQUAL(ddx_store_write(rival, &value, NULL), -EEXIST);
+    /* A busy machine may keep the store from an answer for longer than a program waits. */
+    DDX_TIME begin = ddx_time_now();
+    int result;
+    do
+        result = ddx_store_write(rival, &value, NULL);
+    while (result == -ECONNREFUSED && ddx_time_now() - begin < 20000000000);
+    CHECK_EQUAL(result, -EEXIST);
     CHECK_EQUAL(ddx_store_read(rival, &value, NULL, 0, DDX_CURRENT), 0);
     CHECK_EQUAL(value, 9);
     ddx_store_close(probe);
