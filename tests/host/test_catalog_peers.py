@@ -144,7 +144,7 @@ def shown_value(reader: Process) -> str:
 def test_cyclonedds_finds_the_type_and_reads_the_values(begin: Begin, laptop: Laptop) -> None:
     writer = begin("").start("write", "sensor")
     write(writer, 3)
-    tool = [laptop.start("cyclonedds", command, "--suppress-progress-bar", "--color", "none", "--runtime", "1s",
+    tool = [laptop.start("cyclonedds", command, "--suppress-progress-bar", "--color", "none", "--runtime", "4s",
                          "rt/robot/sensor") for command in ("subscribe", "typeof")]
     for number in (3, 4):
         part = ",".join(f"SENSORPart_(x={1.5 * number + i},a=[{number + 10 * i},{number + 10 * i + 1},"

@@ -30,9 +30,11 @@ def test_fuzzing_finds_no_defect(target: str) -> None:
 @pytest.mark.parametrize("name, target, words", [
     pytest.param(one.name, test.removeprefix("fuzz: "), words, id=one.name)
     for one in DEFECTS for test, words in one.tests if test.startswith("fuzz: ")] + [
-    # In a packet's header; and in a value, which is read only after a participant and its writer are announced.
+    # In a packet's header; and in a value, which is read only after a participant and its writer are announced. Threads
+    # make each run another one: a string without its end is found where it is checked, or where it is read later.
     pytest.param("rtps-broken", fuzz.FOREIGN, "AddressSanitizer(?s:.)*validate_AckNack", id="rtps-broken"),
-    pytest.param("rtps-value-broken", fuzz.FOREIGN, "AddressSanitizer(?s:.)*normalize_string", id="rtps-value-broken")])
+    pytest.param("rtps-value-broken", fuzz.FOREIGN, "AddressSanitizer(?s:.)*(normalize_|serdata|dds_stream)",
+                 id="rtps-value-broken")])
 def test_fuzzing_finds_an_injected_defect(name: str, target: str, words: str, tmp_path: pathlib.Path) -> None:
     fine, text = fuzz.fuzz(target, 180, name, corpus=tmp_path, seed=SEED)  # it stops when the defect is found
     assert not fine and re.search(words, text), text[-5000:]
