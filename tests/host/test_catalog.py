@@ -306,14 +306,21 @@ def test_a_first_read_waits_for_the_subscription(machines: tuple[Machine, Machin
     writer = robot.start("write", "sensor")
 
     def value(machine: Machine, item: str) -> Any:
-        shown = machine.desk.run("ddxctl", "show", item, "--json")
-        assert shown.returncode == 0, shown.stderr
+        """A subscription that takes a busy machine over a second gives the last value with its age: ask again."""
+        for _ in range(5):
+            shown = machine.desk.run("ddxctl", "show", item, "--json")
+            assert shown.returncode == 0, shown.stderr
+            if "no new value within 1 s" not in shown.stderr:
+                break
         return json.loads(shown.stdout)["value"]
 
     def python(host: str, item: str, wanted: Any) -> str:
         environment = {**laptop.desk.environment, "PYTHONPATH": str(TOP / "package/ddx/python")}
-        done = subprocess.run(["/usr/bin/python3", "-B", "-c", READ, host, item, json.dumps(wanted)], timeout=60,
-                              env=environment, capture_output=True, text=True)
+        for _ in range(5):
+            done = subprocess.run(["/usr/bin/python3", "-B", "-c", READ, host, item, json.dumps(wanted)], timeout=60,
+                                  env=environment, capture_output=True, text=True)
+            if done.returncode == 0 or "no new value" not in done.stderr:
+                break
         assert done.returncode == 0, done.stderr
         return done.stderr
 
