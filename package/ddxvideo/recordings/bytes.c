@@ -26,6 +26,20 @@ void bytes_catch_signals(void) {
         sigaction(numbers[i], &action, NULL);
 }
 
+int bytes_write(int fd, const unsigned char *bytes, size_t size) {
+    while (size) {
+        ssize_t done = write(fd, bytes, size);
+
+        if (done < 0 && errno == EINTR)
+            continue;
+        if (done < 0)
+            return -errno;
+        bytes += done;
+        size -= (size_t)done;
+    }
+    return 0;
+}
+
 /* ---- Progress ---- */
 
 static struct {

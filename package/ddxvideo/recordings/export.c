@@ -58,17 +58,10 @@ static int take(void *to, const unsigned char *bytes, size_t size) {
 
     verify_bytes(&copy->from, bytes, size);
     copy->sum = crc32c(copy->sum, bytes, size);
-    while (size) {
-        ssize_t done = write(copy->fd, bytes, size);
-
-        if (done < 0 && errno == EINTR)
-            continue;
-        if (done < 0)
-            return copy->write_error = -errno;
-        bytes += done;
-        size -= (size_t)done;
-        copy->written += (uint64_t)done;
-    }
+    copy->write_error = bytes_write(copy->fd, bytes, size);
+    if (copy->write_error)
+        return copy->write_error;
+    copy->written += size;
     show_progress(copy);
     return copy->written - copy->synced < AHEAD ? 0 : (copy->write_error = push(copy, copy->written));
 }
@@ -119,7 +112,7 @@ static int write_file(struct copy *copy, int to, const char *name) {
     copy->fd = openat(to, name, O_WRONLY | O_CREAT | O_EXCL | O_CLOEXEC, 0644);
     if (copy->fd < 0)
         return copy->write_error = -errno;
-    int error = bytes_read(copy->from.fd, copy->from.direct, copy->from.bytes, take, copy);
+    int error = bytes_read(copy->from.use.fd, copy->from.use.direct, copy->from.bytes, take, copy);
     if (!error && fsync(copy->fd))
         error = copy->write_error = -errno;
     posix_fadvise(copy->fd, 0, 0, POSIX_FADV_DONTNEED);
@@ -168,7 +161,7 @@ static int copy_file(const struct folder *folder, const struct found *found, con
     snprintf(unfinished, sizeof unfinished, "%s%s", found->name, UNFINISHED);
     if (opened) {
         error = write_file(&copy, to, unfinished);
-        if (error != -EINTR && verify_is_given_up(&copy.from, found)) {
+        if (error != -EINTR && found_is_given_up(&copy.from.use, found)) {
             copy.write_error = 0;
             error = -EBUSY;
         }

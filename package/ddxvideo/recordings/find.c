@@ -398,7 +398,8 @@ const char *found_state_name(enum found_state state) {
     return names[state];
 }
 
-int found_open(const struct folder *folder, const struct found *found, bool *direct) {
+/* The descriptor of its bytes, or -errno. */
+static int open_data(const struct folder *folder, const struct found *found, bool *direct) {
     char name[POOL_PATH];
 
     pool_data_name(name, found->id);
@@ -409,23 +410,43 @@ int found_open(const struct folder *folder, const struct found *found, bool *dir
     return fd == -EINVAL ? find_open(from, path, 0) : fd;
 }
 
-int found_open_index(const struct folder *folder, const struct found *found) {
+/* Hold a file of the pool, and open its index. */
+static int open_pooled(const struct folder *folder, const struct found *found, struct found_use *use) {
     char name[POOL_PATH];
-
-    pool_index_name(name, found->id);
-    return find_open(folder->pool, name, 0);
-}
-
-int found_hold(const struct folder *folder, const struct found *found, int *hold) {
     /* A file of a running recording is locked by its recorder. */
-    int fd = found->state < FOUND_INTERRUPTED ? pool_hold_file(folder->pool, found->id) : -1;
+    int hold = found->state < FOUND_INTERRUPTED ? pool_hold_file(folder->pool, found->id) : -1;
 
-    *hold = fd < 0 ? -1 : fd;
-    return fd == -EAGAIN ? -EBUSY : 0;
+    if (hold == -EAGAIN)
+        return -EBUSY;
+    use->hold = hold < 0 ? -1 : hold;
+    pool_index_name(name, found->id);
+    int fd = find_open(folder->pool, name, 0);
+    if (fd < 0)
+        return fd;
+    use->index_fd = fd;
+    return 0;
 }
 
-bool found_is_given_up(int index_fd, const struct found *found) {
+int found_open(const struct folder *folder, const struct found *found, struct found_use *use) {
+    *use = (struct found_use){.fd = -1, .index_fd = -1, .hold = -1};
+    int error = found->id ? open_pooled(folder, found, use) : 0;
+    int fd = error ? error : open_data(folder, found, &use->direct);
+    if (fd < 0)
+        return fd;
+    use->fd = fd;
+    return 0;
+}
+
+void found_close(const struct found_use *use) {
+    const int fds[] = {use->fd, use->index_fd, use->hold};
+
+    for (size_t i = 0; i < sizeof fds / sizeof fds[0]; i++)
+        if (fds[i] >= 0)
+            close(fds[i]);
+}
+
+bool found_is_given_up(const struct found_use *use, const struct found *found) {
     struct index_header header;
 
-    return !pool_read_header(index_fd, &header) || header.recording != found->recording;
+    return use->index_fd >= 0 && (!pool_read_header(use->index_fd, &header) || header.recording != found->recording);
 }

@@ -51,19 +51,24 @@ void found_clean(char *text);
 /* "finished" and so on. */
 const char *found_state_name(enum found_state state);
 
-/* Open the file past the page cache; *direct: reads must be aligned. -errno on failure. */
-int found_open(const struct folder *folder, const struct found *found, bool *direct);
-
-/* Open its index. -errno on failure. */
-int found_open_index(const struct folder *folder, const struct found *found);
+/* A file that is open for reading. */
+struct found_use {
+    int fd, index_fd; /* index_fd: -1: it has none */
+    int hold;         /* while it is open, the file is not given up or used again; -1: see found_is_given_up() */
+    bool direct;      /* opened past the page cache: reads must be aligned */
+};
 
 /*
- * Prevent that the file is given up or used again until *hold is closed; *hold is -1 if nothing needs to be held, or if
- * this user may not hold files (then found_is_given_up() notices). 0, or -EBUSY: it is being given up right now.
+ * Open a file, its index, and hold it, unless nothing needs to be held, or this user may not hold files. 0; -EBUSY: it
+ * is being given up right now; or -errno. Call found_close() in any case.
  */
-int found_hold(const struct folder *folder, const struct found *found, int *hold);
+int found_open(const struct folder *folder, const struct found *found, struct found_use *use);
+void found_close(const struct found_use *use);
 
-/* Whether its index is of another recording by now, or of none: then bytes that were read may be of either. */
-bool found_is_given_up(int index_fd, const struct found *found);
+/*
+ * Whether its index is of another recording by now, or of none: then bytes that were read may be of either. It may have
+ * been given up before it was opened, and without a hold at any time.
+ */
+bool found_is_given_up(const struct found_use *use, const struct found *found);
 
 #endif

@@ -5,7 +5,7 @@
 #include "find.h"
 
 /*
- * Remove the chosen files. If one of them is being recorded, or is held by another program (found_hold()), none is
+ * Remove the chosen files. If one of them is being recorded, or is held by another program (found_open()), none is
  * removed. Prints a line for each file. Returns the exit status.
  */
 int remove_files(const struct folder *folder, const bool *chosen);

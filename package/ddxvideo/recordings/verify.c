@@ -150,7 +150,7 @@ static int read_index(struct verify *verify, const struct found *found) {
     verify->index = malloc(sizeof *verify->index);
     if (!verify->index)
         return -ENOMEM;
-    int error = index_read(verify->index_fd, verify->index);
+    int error = index_read(verify->use.index_fd, verify->index);
     if (error)
         return error;
     const struct index_header *header = &verify->index->header;
@@ -170,20 +170,14 @@ static int read_index(struct verify *verify, const struct found *found) {
 }
 
 int verify_open(struct verify *verify, const struct folder *folder, const struct found *found) {
-    *verify = (struct verify){.fd = -1, .index_fd = -1, .hold = -1, .bytes = found->bytes, .damaged = found->spoilt};
-    int error = found->id ? found_hold(folder, found, &verify->hold) : 0;
+    *verify = (struct verify){.bytes = found->bytes, .damaged = found->spoilt};
     if (found->spoilt)
         say("%s: its index is damaged: no frame has its sum", found->shown);
-    if (found->id && !error) {
-        verify->index_fd = found_open_index(folder, found);
-        error = verify->index_fd < 0 ? verify->index_fd : read_index(verify, found);
-    }
-    if (!error && verify_is_given_up(verify, found))
+    int error = found_open(folder, found, &verify->use);
+    if (!error && found->id)
+        error = read_index(verify, found);
+    if (!error && found_is_given_up(&verify->use, found))
         error = -EBUSY;
-    if (!error) {
-        verify->fd = found_open(folder, found, &verify->direct);
-        error = verify->fd < 0 ? verify->fd : 0;
-    }
     if (error)
         say("%s: %s", found->shown,
             error == -EBUSY     ? "was given up for a new recording"
@@ -194,16 +188,7 @@ int verify_open(struct verify *verify, const struct folder *folder, const struct
 
 void verify_close(struct verify *verify) {
     free(verify->index);
-    if (verify->fd >= 0)
-        close(verify->fd);
-    if (verify->index_fd >= 0)
-        close(verify->index_fd);
-    if (verify->hold >= 0)
-        close(verify->hold);
-}
-
-bool verify_is_given_up(const struct verify *verify, const struct found *found) {
-    return found->id && found_is_given_up(verify->index_fd, found);
+    found_close(&verify->use);
 }
 
 /* Reports bad frames, of which there is at least one. */
@@ -256,8 +241,8 @@ bool verify_file(const struct folder *folder, const struct found *found) {
     bool good = !error;
 
     if (good)
-        error = bytes_read(verify.fd, verify.direct, verify.bytes, verify_bytes, &verify);
-    if (good && error != -EINTR && verify_is_given_up(&verify, found))
+        error = bytes_read(verify.use.fd, verify.use.direct, verify.bytes, verify_bytes, &verify);
+    if (good && error != -EINTR && found_is_given_up(&verify.use, found))
         error = -EBUSY;
     if (good && error && error != -ENODATA)
         say("%s: %s", found->shown,

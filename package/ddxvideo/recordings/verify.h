@@ -26,9 +26,7 @@ struct check {
 
 /* A file that is verified while it is read. */
 struct verify {
-    int fd, index_fd;
-    int hold; /* see found_hold() */
-    bool direct;
+    struct found_use use;
     uint64_t bytes;           /* to be read */
     struct index_file *index; /* NULL: none */
     bool damaged;             /* some frames have no checksum */
@@ -38,9 +36,6 @@ struct verify {
 /* Open the file, hold it, and read its index. 0; -errno after a line. Call verify_close() in any case. */
 int verify_open(struct verify *verify, const struct folder *folder, const struct found *found);
 void verify_close(struct verify *verify);
-
-/* Whether the file was given up while it was read: then its bytes mean nothing. */
-bool verify_is_given_up(const struct verify *verify, const struct found *found);
 
 /* After all bytes: print a line for each error. True if there is none. */
 bool verify_judge(struct verify *verify, const struct found *found);
