@@ -121,11 +121,9 @@ static bool find_room(struct preroll *preroll, size_t size) {
 }
 
 /* Whether pictures of this geometry begin another recording than those that wait. */
-static bool is_other(const struct ddxvideo_geometry *a, const struct ddxvideo_geometry *b, bool coded) {
-    if (!coded)
-        return !ddxvideo_same_layout(a, b);
-    return !ddxvideo_same_layout(a, b) || a->rate_num != b->rate_num || a->rate_den != b->rate_den ||
-           a->aspect_num != b->aspect_num || a->aspect_den != b->aspect_den;
+static bool is_other(const struct preroll *preroll, const struct ddxvideo_geometry *geometry) {
+    return !(preroll->coded ? recording_same_header(&preroll->geometry, geometry)
+                            : ddxvideo_same_layout(&preroll->geometry, geometry));
 }
 
 /* As preroll_put(). The pictures of the wanted seconds stay, and those before, from a key frame on. */
@@ -195,7 +193,7 @@ uint64_t preroll_put(struct preroll *preroll, unsigned queue_frames, const struc
                      const struct recording_frame *frame) {
     uint64_t gone = 0;
 
-    if (preroll->memory && (!preroll->seconds || is_other(&preroll->geometry, &view->geometry, preroll->coded)))
+    if (preroll->memory && (!preroll->seconds || is_other(preroll, &view->geometry)))
         gone = preroll_clear(preroll);
     if (!preroll->seconds || (!preroll->memory && !(preroll->h264 ? set_up_coded(preroll, queue_frames, view)
                                                                   : set_up(preroll, queue_frames, view))))

@@ -150,16 +150,11 @@ static void begin_file(struct recorder *recorder, const struct ddxvideo_picture 
     tell_rate(recorder);
 }
 
-static bool same_header(const struct ddxvideo_geometry *a, const struct ddxvideo_geometry *b) {
-    return ddxvideo_same_layout(a, b) && a->rate_num == b->rate_num && a->rate_den == b->rate_den &&
-           a->aspect_num == b->aspect_num && a->aspect_den == b->aspect_den;
-}
-
 /* Make sure that the current file fits this frame. False if it cannot be recorded. */
 static bool recorder_choose_file(struct recorder *recorder, const struct ddxvideo_picture *view,
                                  const struct recording_frame *frame) {
     if (!recorder->recording || recorder->output.is_folder) {
-        if (!recorder->recording || !same_header(recording_geometry(recorder->recording), &view->geometry) ||
+        if (!recorder->recording || !recording_same_header(recording_geometry(recorder->recording), &view->geometry) ||
             recording_is_gap(recorder->recording, view, frame))
             begin_file(recorder, view, frame);
         return !recorder->done;
@@ -173,7 +168,7 @@ static bool recorder_choose_file(struct recorder *recorder, const struct ddxvide
         recorder->done = true;
         return false;
     }
-    if (!recorder->rate_changed && !same_header(now, &view->geometry)) {
+    if (!recorder->rate_changed && !recording_same_header(now, &view->geometry)) {
         say("%s: frame rate or pixel aspect changed; the header keeps the first ones, the times are right",
             recorder->place);
         recorder->rate_changed = true;

@@ -205,6 +205,11 @@ uint64_t recording_queue_bytes_max(void) {
     return memory_share() < QUEUE_BYTES_MAX ? memory_share() : QUEUE_BYTES_MAX;
 }
 
+bool recording_same_header(const struct ddxvideo_geometry *a, const struct ddxvideo_geometry *b) {
+    return ddxvideo_same_layout(a, b) && a->rate_num == b->rate_num && a->rate_den == b->rate_den &&
+           a->aspect_num == b->aspect_num && a->aspect_den == b->aspect_den;
+}
+
 uint64_t recording_frame_memory(const struct ddxvideo_geometry *geometry) {
     return video_layout_bytes(geometry) + Y4M_FRAME_LINE_WRITTEN + sizeof(struct frame_queue_frame);
 }

@@ -61,6 +61,9 @@ size_t recording_coded_memory(const struct ddxvideo_geometry *geometry, unsigned
 /* When a frame was captured; an item without times (the paper's seven fields) has only the time of the write. */
 int64_t recording_time(const struct ddxvideo_picture *view, int64_t published);
 
+/* Whether one file can hold pictures of both: the same layout, rate and pixel aspect. */
+bool recording_same_header(const struct ddxvideo_geometry *a, const struct ddxvideo_geometry *b);
+
 /* Memory of a frame in the queue: its bytes, and its entry in the list. */
 uint64_t recording_frame_memory(const struct ddxvideo_geometry *geometry);
 
