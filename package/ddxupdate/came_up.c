@@ -12,26 +12,9 @@
 
 #include "boot.h"
 #include "command.h"
-#include "message.h"
 #include "state.h"
 
 #define STAYS ", so a slot that cannot be booted may stay the chosen one; flash another card"
-
-/* The slot that has come up last as the chosen one, if it is known; else 0. */
-static char proven_slot(const struct place *place) {
-    char value[WORD_MAX];
-
-    state_get(place->state, "proven", value, sizeof value);
-    return !strcmp(value, "A") || !strcmp(value, "B") ? value[0] : 0;
-}
-
-static void remember(const struct place *place) {
-    const char slot[] = {place->here, 0};
-    const struct state_line line = {"proven", slot};
-
-    if (proven_slot(place) != place->here)
-        state_set(place->state, &line, 1);
-}
 
 static void note_failed(const struct place *place, const struct block *block, bool lost) {
     char slot[] = {0, 0};
@@ -48,7 +31,7 @@ static void note_failed(const struct place *place, const struct block *block, bo
 static void restore(const struct place *place, struct block *block) {
     char text[128];
 
-    *block = (struct block){.slot = proven_slot(place)};
+    *block = (struct block){.slot = state_proven(place->state)};
     if (!block->slot)
         block->slot = 'A';
     snprintf(text, sizeof text, "the boot loader's block was lost, and slot A booted; slot %c is the chosen one again",
@@ -84,7 +67,7 @@ int command_block(const struct request *request) {
         if (error)
             place_note(place->wrong, "the boot partition cannot be written" STAYS);
         else if (place->here == block.slot)
-            remember(place);
+            state_prove(place->state, place->here);
         note_failed(place, &block, lost);
     }
     boot_close(&boot);

@@ -4,16 +4,18 @@
 #include <stdio.h>
 #include <string.h>
 
+#include "line.h"
+
 static void path_of(char path[PATH_MAX], const char *root, const char *name) {
     snprintf(path, PATH_MAX, "%s%s", root, name);
 }
 
 /* Copy the value if the word is NAME=VALUE. */
 static void take(const char *word, const char *name, char value[WORD_MAX]) {
-    const size_t length = strlen(name);
+    const char *found = line_value(word, name);
 
-    if (!strncmp(word, name, length) && word[length] == '=')
-        snprintf(value, WORD_MAX, "%s", word + length + 1);
+    if (found)
+        snprintf(value, WORD_MAX, "%s", found);
 }
 
 static void read_words(struct place *place, const char *path) {

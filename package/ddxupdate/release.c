@@ -10,15 +10,16 @@
 #include <sys/stat.h>
 #include <unistd.h>
 
+#include "line.h"
+
 /* The value of a line NAME=VALUE or NAME="VALUE". */
 static bool value_of(const char *line, const char *name, char value[RELEASE_WORD]) {
-    const size_t length = strlen(name);
+    const char *found = line_value(line, name);
 
-    if (strncmp(line, name, length) != 0 || line[length] != '=')
+    if (!found)
         return false;
-    line += length + 1;
-    line += *line == '"';
-    snprintf(value, RELEASE_WORD, "%.*s", (int)strcspn(line, "\"\n"), line);
+    found += *found == '"';
+    snprintf(value, RELEASE_WORD, "%.*s", (int)strcspn(found, "\"\n"), found);
     return true;
 }
 

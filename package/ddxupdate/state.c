@@ -11,18 +11,12 @@
 #include <string.h>
 #include <unistd.h>
 
+#include "line.h"
 #include "message.h"
-
-/* The value in a line, if it is that of this name; else NULL. */
-static const char *value_of(const char *line, const char *name) {
-    const size_t length = strlen(name);
-
-    return !strncmp(line, name, length) && line[length] == '=' ? line + length + 1 : NULL;
-}
 
 static bool is_set(const char *line, const struct state_line *lines, size_t count) {
     for (size_t i = 0; i < count; i++)
-        if (value_of(line, lines[i].name))
+        if (line_value(line, lines[i].name))
             return true;
     return false;
 }
@@ -34,7 +28,7 @@ void state_get(const char *path, const char *name, char *value, size_t size) {
 
     *value = 0;
     while (file && getline(&line, &room, file) > 0) {
-        const char *found = value_of(line, name);
+        const char *found = line_value(line, name);
         if (found)
             snprintf(value, size, "%.*s", (int)strcspn(found, "\n"), found);
     }
@@ -89,4 +83,19 @@ int state_set(const char *path, const struct state_line *lines, size_t count) {
         return 0;
     unlink(new);
     return fail(error, "%s: cannot be written: %s; is /data full?", path, strerror(-error));
+}
+
+char state_proven(const char *path) {
+    char value[2 + 1]; /* a longer one is cut, and is none */
+
+    state_get(path, "proven", value, sizeof value);
+    return !strcmp(value, "A") || !strcmp(value, "B") ? value[0] : 0;
+}
+
+void state_prove(const char *path, char slot) {
+    const char value[] = {slot, 0};
+    const struct state_line line = {"proven", value};
+
+    if (state_proven(path) != slot)
+        state_set(path, &line, 1);
 }

@@ -22,4 +22,10 @@ void state_get(const char *path, const char *name, char *value, size_t size);
 /* Set these lines, and keep the others. 0, or -errno after a line. */
 int state_set(const char *path, const struct state_line *lines, size_t count);
 
+/* The slot that has come up last as the chosen one; 0: it is not known. */
+char state_proven(const char *path);
+
+/* Remember that slot. A failure, such as a full /data, is only reported: it must prevent neither a boot nor an update. */
+void state_prove(const char *path, char slot);
+
 #endif

@@ -19,13 +19,8 @@
 /* The running slot becomes the chosen one, also if the block is lost later. */
 static int stay_here(const struct request *request, struct block *block) {
     const struct place *place = &request->place;
-    const char here[] = {place->here, 0};
-    const struct state_line line = {"proven", here};
-    char proven[WORD_MAX];
 
-    state_get(place->state, "proven", proven, sizeof proven);
-    if (proven[0] != place->here)
-        state_set(place->state, &line, 1); /* a full /data must not prevent an update */
+    state_prove(place->state, place->here);
     if (block->slot == place->here)
         return 0;
     block->slot = place->here;
