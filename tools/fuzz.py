@@ -26,7 +26,8 @@ MP4 = [f"coded/{name}.c" for name in ("mp4_read", "mp4_write", "stamp")] + [
 MCAP = [f"mcap/{name}.c" for name in ("bytes", "read", "reader")] + [
     str(FORM / f"{name}.c") for name in ("declaration", "form", "schema")]
 PANEL = TOP / "package/ddxpanel"
-REQUEST = ["common/message.c", "root/order.c", *(f"web/{name}.c" for name in ("guard", "scgi", "session", "words"))]
+REQUEST = ["common/message.c", "common/secret.c", "root/order.c",
+           *(f"web/{name}.c" for name in ("guard", "scgi", "session", "words"))]
 CATALOG = TOP / "package/ddxcatalog"
 NETWORK = [CATALOG / f"network/{name}.c" for name in ("address", "participant", "records", "stamps", "type", "value")
            ] + [CATALOG / f"wire/{name}.c" for name in ("bucket", "description", "name", "sha256", "typehash")]

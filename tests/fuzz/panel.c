@@ -82,7 +82,7 @@ static void check_message(const uint8_t *data, size_t size) {
 }
 
 int LLVMFuzzerTestOneInput(const uint8_t *data, size_t size) {
-    static char text[SESSION_TEXT + 1];
+    static char text[SECRET_TEXT + 1];
     const char *bytes = (const char *)data;
     struct scgi request;
     if (!*text)

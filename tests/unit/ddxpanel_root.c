@@ -201,21 +201,21 @@ static void test_many_addresses_guess(void) {
 }
 
 static void test_comparison(void) {
-    CHECK(guess_same("open sesame", "open sesame") && guess_same("", ""));
-    CHECK(!guess_same("open sesame", "open sesamf") && !guess_same("open sesame", "pen sesame"));
-    CHECK(!guess_same("aa", "a") && !guess_same("a", "aa") && !guess_same("", "a") && !guess_same("a", ""));
+    CHECK(secret_is("open sesame", "open sesame") && secret_is("", ""));
+    CHECK(!secret_is("open sesame", "open sesamf") && !secret_is("open sesame", "pen sesame"));
+    CHECK(!secret_is("aa", "a") && !secret_is("a", "aa") && !secret_is("", "a") && !secret_is("a", ""));
 }
 
 static void test_links(void) {
     struct link link = {.end = 0};
-    char first[LINK_TEXT + 1], wrong[LINK_TEXT + 1];
+    char first[SECRET_TEXT + 1], wrong[SECRET_TEXT + 1];
 
     CHECK(!link_use(&link, 0, "") && !link_use(&link, 0, "0"));
     CHECK_EQUAL(link_make(&link, 100), 0);
     strcpy(first, link.text);
     strcpy(wrong, link.text);
-    CHECK_EQUAL(strspn(first, "0123456789abcdef"), LINK_TEXT);
-    wrong[LINK_TEXT - 1] = wrong[LINK_TEXT - 1] == '0' ? '1' : '0';
+    CHECK_EQUAL(strspn(first, "0123456789abcdef"), SECRET_TEXT);
+    wrong[SECRET_TEXT - 1] = wrong[SECRET_TEXT - 1] == '0' ? '1' : '0';
     CHECK(!link_use(&link, 100, wrong) && !link_use(&link, 100, ""));
     CHECK(!link_use(&link, 100 + LINK_SECONDS, first));
     CHECK(link_use(&link, 99 + LINK_SECONDS, first));

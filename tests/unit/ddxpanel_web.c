@@ -240,19 +240,19 @@ static unsigned find(const struct sessions *sessions, int64_t now, const char *t
 
 static void test_sessions(void) {
     static struct sessions sessions;
-    char text[SESSIONS + 1][SESSION_TEXT + 1], wrong[SESSION_TEXT + 1];
+    char text[SESSIONS + 1][SECRET_TEXT + 1], wrong[SECRET_TEXT + 1];
 
     CHECK_EQUAL(session_begin(&sessions, 100, text[0]), 1);
-    CHECK_EQUAL(strspn(text[0], "0123456789abcdef"), SESSION_TEXT);
+    CHECK_EQUAL(strspn(text[0], "0123456789abcdef"), SECRET_TEXT);
     CHECK_EQUAL(find(&sessions, 100, text[0]), 1);
     CHECK_EQUAL(find(&sessions, 99 + SESSION_SECONDS, text[0]), 1);
     CHECK_EQUAL(find(&sessions, 100 + SESSION_SECONDS, text[0]), 0);
-    for (size_t i = 0; i < SESSION_TEXT; i++) { /* each digit counts */
+    for (size_t i = 0; i < SECRET_TEXT; i++) { /* each digit counts */
         strcpy(wrong, text[0]);
         wrong[i] = wrong[i] == '0' ? '1' : '0';
         CHECK_EQUAL(find(&sessions, 100, wrong), 0);
     }
-    CHECK_EQUAL(session_find(&sessions, 100, text[0], SESSION_TEXT - 1), 0);
+    CHECK_EQUAL(session_find(&sessions, 100, text[0], SECRET_TEXT - 1), 0);
     CHECK_EQUAL(find(&sessions, 100, ""), 0);
     CHECK_EQUAL(find(&sessions, 100, "00000000000000000000000000000000"), 0); /* the key of a free one */
     for (int i = 1; i <= SESSIONS; i++) {

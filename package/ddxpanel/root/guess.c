@@ -63,12 +63,3 @@ void guess_was_right(struct guesses *guesses, const struct in6_addr *address) {
         if (!memcmp(&guesses->guess[i].address, address, sizeof *address))
             guesses->guess[i].block = 0;
 }
-
-bool guess_same(const char *one, const char *other) {
-    size_t length = strlen(one), length_other = strlen(other);
-    unsigned char difference = length != length_other;
-
-    for (size_t i = 0; i < length_other; i++)
-        difference |= (unsigned char)(one[length ? i % length : 0] ^ other[i]);
-    return !difference;
-}

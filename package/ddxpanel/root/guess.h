@@ -34,7 +34,4 @@ void guess_was_wrong(struct guesses *guesses, const struct in6_addr *address, in
 /* After a right one: the address starts from 1 s again. */
 void guess_was_right(struct guesses *guesses, const struct in6_addr *address);
 
-/* Whether two texts are the same. The time depends on the lengths only. */
-bool guess_same(const char *one, const char *other);
-
 #endif

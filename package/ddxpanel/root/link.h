@@ -6,14 +6,14 @@
 #include <stdbool.h>
 #include <stdint.h>
 
+#include "secret.h"
+
 #define LINK_SECONDS 120
-#define LINK_BYTES 16              /* random */
-#define LINK_TEXT (2 * LINK_BYTES) /* hexadecimal digits */
 
 /* The one link that counts: a new one makes the former one invalid. */
 struct link {
-    int64_t end;              /* s */
-    char text[LINK_TEXT + 1]; /* empty: there is none */
+    int64_t end;                /* s */
+    char text[SECRET_TEXT + 1]; /* empty: there is none */
 };
 
 /* Make a link at time `now` (s, of a clock that is never set). 0 or -errno. */

@@ -5,20 +5,13 @@
 #include <fcntl.h>
 #include <poll.h>
 #include <signal.h>
-#include <stdint.h>
 #include <sys/wait.h>
-#include <time.h>
 #include <unistd.h>
+
+#include "clock.h"
 
 #define NOT_STARTED 127
 #define PIECE 4096
-
-static int64_t now_ms(void) {
-    struct timespec now;
-
-    clock_gettime(CLOCK_BOOTTIME, &now);
-    return (int64_t)now.tv_sec * 1000 + now.tv_nsec / 1000000;
-}
 
 /* In the child. It gets standard input, output and errors, and no other descriptor: neither sockets nor keys. */
 _Noreturn static void become(const char *const *command, int output) {
@@ -44,7 +37,7 @@ static enum run_end follow(int from, int64_t until, const struct run_for *limits
     char piece[PIECE];
 
     for (;;) {
-        int64_t left = until - now_ms();
+        int64_t left = until - clock_ms();
         struct pollfd wait[] = {{.fd = from, .events = POLLIN}, {.fd = limits->receiver}};
 
         if (left <= 0)
@@ -70,7 +63,7 @@ static enum run_end follow(int from, int64_t until, const struct run_for *limits
 static bool exited_by(pid_t child, int64_t until) {
     siginfo_t end = {.si_pid = 0};
 
-    while (now_ms() < until) {
+    while (clock_ms() < until) {
         if (!waitid(P_PID, (id_t)child, &end, WEXITED | WNOHANG | WNOWAIT) && end.si_pid)
             return true;
         poll(NULL, 0, 10);
@@ -79,7 +72,7 @@ static bool exited_by(pid_t child, int64_t until) {
 }
 
 int run_program(const char *const *command, const struct run_for *limits, struct run *run) {
-    int64_t until = now_ms() + (int64_t)limits->seconds * 1000;
+    int64_t until = clock_ms() + (int64_t)limits->seconds * 1000;
     int ends[2], status;
 
     if (pipe2(ends, O_CLOEXEC))

@@ -8,19 +8,13 @@
 #include <sys/socket.h>
 #include <sys/time.h>
 #include <sys/wait.h>
-#include <time.h>
 #include <unistd.h>
 
+#include "clock.h"
 #include "guess.h"
 #include "message.h"
 #include "run.h"
-
-static int64_t now_ms(void) {
-    struct timespec now;
-
-    clock_gettime(CLOCK_BOOTTIME, &now);
-    return (int64_t)now.tv_sec * 1000 + now.tv_nsec / 1000000;
-}
+#include "secret.h"
 
 /* One write, since several processes share the log. Words of visitors may be anything, so only what is visible. */
 __attribute__((format(printf, 1, 2))) static void say(const char *format, ...) {
@@ -57,17 +51,17 @@ static struct message_answer log_in(const struct serve *serve, const struct mess
 
     if (!guess_address(request->address, &address) || strlen(request->text) + 1 != request->size)
         return refusal(400, "not a login");
-    int64_t wait = guess_wait(guesses, &address, now_ms());
+    int64_t wait = guess_wait(guesses, &address, clock_ms());
     if (wait)
         return (struct message_answer){.status = 429, .wait = (uint32_t)wait};
-    if (serve->passphrase && guess_same(serve->passphrase, request->text)) {
+    if (serve->passphrase && secret_is(serve->passphrase, request->text)) {
         guess_was_right(guesses, &address);
         say("%s: logged in", request->address);
         return (struct message_answer){.status = 200};
     }
-    guess_was_wrong(guesses, &address, now_ms());
+    guess_was_wrong(guesses, &address, clock_ms());
     say("%s: wrong passphrase", request->address);
-    return (struct message_answer){.status = 401, .wait = (uint32_t)guess_wait(guesses, &address, now_ms())};
+    return (struct message_answer){.status = 401, .wait = (uint32_t)guess_wait(guesses, &address, clock_ms())};
 }
 
 /* ---- Orders ---- */

@@ -6,15 +6,15 @@
 #include <stddef.h>
 #include <stdint.h>
 
+#include "secret.h"
+
 #define SESSIONS 16
 #define SESSION_SECONDS (12 * 3600)
-#define SESSION_BYTES 16                 /* random */
-#define SESSION_TEXT (2 * SESSION_BYTES) /* hexadecimal digits in the cookie */
 
 struct session {
-    unsigned number; /* for messages; 0: free */
-    int64_t end;     /* s */
-    unsigned char key[SESSION_BYTES];
+    unsigned number;            /* for messages; 0: free */
+    int64_t end;                /* s */
+    char text[SECRET_TEXT + 1]; /* of the cookie */
 };
 
 struct sessions {
@@ -26,7 +26,7 @@ struct sessions {
  * Begin a session at time `now` (s, of a clock that is never set); if all are taken, the oldest one is given up. Its
  * number, from 1 on, with its terminated text for the cookie; -errno.
  */
-int session_begin(struct sessions *sessions, int64_t now, char text[SESSION_TEXT + 1]);
+int session_begin(struct sessions *sessions, int64_t now, char text[SECRET_TEXT + 1]);
 
 /* The number of the session with this text; 0: there is none, or not any more. */
 unsigned session_find(const struct sessions *sessions, int64_t now, const char *text, size_t size);
