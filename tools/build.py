@@ -54,7 +54,7 @@ def update_words() -> dict[str, str]:
     if not keys:
         public = UPDATE_KEY.with_name(UPDATE_KEY.name + ".pub")
         keys = [public if public.exists() else update_file.make_key(UPDATE_KEY, "-W")]
-    return {"DDX_SERIAL": trees.serial(), "DDX_OLDEST": trees.oldest(), "UPDATE_KEYS": " ".join(map(str, keys))}
+    return trees.update_words(keys)
 
 
 def dev(packages: list[pathlib.Path], folder: pathlib.Path = DEV) -> pathlib.Path:

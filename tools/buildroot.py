@@ -89,8 +89,7 @@ def configured(board: str) -> tuple[list[str], dict[str, str]]:
     build.mkdir(parents=True, exist_ok=True)
     command = ["make", "-C", str(checkout()), f"O={build}", f"BR2_EXTERNAL={':'.join(map(str, external))}"]
     env = {**environment(), "DDX_BOARD": board, "DDX_COMMIT": commit(),  # for post-build.sh
-           "DDX_SERIAL": trees.serial(), "DDX_OLDEST": trees.oldest(),
-           "UPDATE_KEYS": " ".join(map(str, trees.update_keys()))}
+           **trees.update_words(trees.update_keys())}
     if os.geteuid() == 0:
         env["FORCE_UNSAFE_CONFIGURE"] = "1"  # GNU tar's configure asks for it
     defconfig = trees.defconfigs()[board]

@@ -63,6 +63,11 @@ def update_keys() -> list[pathlib.Path]:
     return found
 
 
+def update_words(keys: list[pathlib.Path]) -> dict[str, str]:
+    """For post-build.sh: what an image says about updates; it trusts these keys."""
+    return {"DDX_SERIAL": serial(), "DDX_OLDEST": oldest(), "UPDATE_KEYS": " ".join(map(str, keys))}
+
+
 def each(place: str) -> list[pathlib.Path]:
     """The file or folder of that name in each tree that has it, ours first."""
     return [tree / place for tree in [TOP, *others()] if (tree / place).exists()]
