@@ -38,24 +38,28 @@ def counted(boot: Boot, clip: pathlib.Path) -> budget.Timeline:
     return sorted(found, key=lambda one: one.first_frame)[BOOTS // 2]
 
 
+def save_sizes(image: pathlib.Path, guest: Guest) -> str:
+    """What takes the bytes and the memory: output/<board>/sizes.json. Returns a table."""
+    files, used = sizes.of_image(image.parent / "root"), sizes.of_memory(guest)
+    (image.parent / "sizes.json").write_text(json.dumps({"image": files, "memory": used}, indent=1) + "\n")
+    return sizes.table(files, used)
+
+
 @pytest.fixture(scope="session")
 def items(request: pytest.FixtureRequest, image: pathlib.Path, guest: Guest, recorded: Result, board: Machine,
           boot: Boot, work: pathlib.Path) -> list[budget.Item]:
-    """Measured values with their verdicts. The development image's path is that of a usual boot."""
+    """Measured values with their verdicts. The development image's path is that of a usual boot by the clock, which
+    other work disturbs: no figure of it is kept."""
     values = {"root": (image.parent / "rootfs.squashfs").stat().st_size / MIB, "memory": budget.memory(guest)}
-    if board.board != machine.DEV:
+    if board.board == machine.DEV:
+        tables = [budget.timeline(guest, session.LOAD, recorded.load.first_ns / 1e9).table()]
+    else:
         found = counted(boot, work / "clip.img")
-        values |= found.values()
-    else:  # by the clock, which other work disturbs: no figure of it is kept
-        found = budget.timeline(guest, session.LOAD, recorded.load.first_ns / 1e9)
-    if board.board != machine.DEV:
-        values["image"] = budget.compressed(image) / MIB
+        values |= {**found.values(), "image": budget.compressed(image) / MIB}
+        tables = [found.table(), save_sizes(image, guest)]
     result = budget.judge(values)
-    files, used = sizes.of_image(image.parent / "root") if board.board != machine.DEV else {}, sizes.of_memory(guest)
-    (image.parent / "sizes.json").write_text(json.dumps({"image": files, "memory": used}, indent=1) + "\n")
     with request.config.pluginmanager.getplugin("capturemanager").global_and_fixture_disabled():
-        print(f"\n\n{board.board}, {board.firmware}\n{budget.table(result)}\n\n{found.table()}")
-        print(sizes.table(files, used))
+        print("\n\n".join([f"\n\n{board.board}, {board.firmware}\n{budget.table(result)}", *tables]))
     (image.parent / "budget.json").write_text(json.dumps(
         {one.name: {"value": one.value, "limit": one.limit, "unit": one.unit, "verdict": one.verdict}
          for one in result}, indent=2) + "\n")

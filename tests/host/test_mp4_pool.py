@@ -289,13 +289,18 @@ def as_older(desk: Desk) -> None:
     os.link(file, desk.folder / "rec" / fields[12].rstrip(b"\0").decode())
 
 
-def test_finished_by_an_older_recorder(desk: Desk) -> None:
-    """The file has no table: it plays, and verify reports what it lacks."""
+def left_by_a_killed_recorder(desk: Desk) -> None:
+    """A file with ten frames that are in the index on the disk."""
     saver = begin(desk)
     write(desk, even(10))
     wait_until(lambda: desk.out("ddxvideosave") == 10)
     saver.kill()
     saver.wait()
+
+
+def test_finished_by_an_older_recorder(desk: Desk) -> None:
+    """The file has no table: it plays, and verify reports what it lacks."""
+    left_by_a_killed_recorder(desk)
     as_older(desk)
     path, = files(desk)
     assert len(probe(path)["frames"]) == 10
@@ -309,11 +314,7 @@ def test_finished_by_an_older_recorder(desk: Desk) -> None:
 
 def test_a_damaged_first_block(desk: Desk) -> None:
     """The frames are kept, and the damage is named."""
-    saver = begin(desk)
-    write(desk, even(10))
-    wait_until(lambda: desk.out("ddxvideosave") == 10)
-    saver.kill()
-    saver.wait()
+    left_by_a_killed_recorder(desk)
     index = next(one for one in (desk.folder / "rec/pool").glob("*.index") if one.read_bytes()[8] == 2)
     flip(index.with_suffix(".y4m"), 100)
     assert "has no table, so players cannot seek in it: its first block is damaged" in recover(desk)

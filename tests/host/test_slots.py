@@ -10,6 +10,7 @@ from collections.abc import Iterator
 
 import pytest
 
+from lib.boot_block import BYTES, Block, block_of, make_fat, text_of
 from parts.common import TOP, run
 from parts.image import native
 
@@ -17,7 +18,6 @@ from .appliance import Appliance
 
 pytestmark = pytest.mark.retry
 
-Block = dict[str, str]
 NAMES = ("slot", "left", "begun", "failed")
 LOST = ", so a slot that cannot be booted may stay the chosen one; flash another card\n"
 
@@ -38,20 +38,6 @@ def menu(block: Block) -> tuple[Block, str, str]:
     return {name: value for name, value in now.items() if value}, slot, "".join(counted)
 
 
-def text_of(block: Block) -> str:
-    lines = "".join(f"{name}={value}\n" for name, value in block.items())
-    return f"# GRUB Environment Block\n{lines}".ljust(1024, "#")
-
-
-def make_fat(path: pathlib.Path, grubenv: str, *options: str, kilobytes: int = 16384) -> None:
-    """A boot partition with that block."""
-    file = path.with_suffix(".grubenv")
-    file.write_text(grubenv)
-    run(["mkfs.vfat", "-C", "-n", "DDXBOOT", *options, path, str(kilobytes)])
-    run(["mmd", "-i", path, "::grub"])
-    run(["mcopy", "-i", path, file, "::grub/grubenv"])
-
-
 class Robot:
     """An appliance with a boot partition."""
 
@@ -59,11 +45,11 @@ class Robot:
         self.appliance = appliance
         self.card, self.state = appliance.root / "card", appliance.root / "data/update"
         self.state.parent.mkdir()
-        make_fat(self.card, text_of({}))
+        make_fat(self.card, {})
         image = self.card.read_bytes()
-        self.at = image.index(text_of({}).encode())
-        assert image.count(text_of({}).encode()) == 1
-        self.rest = image[:self.at] + image[self.at + 1024:]
+        self.at = image.index(text_of({}))
+        assert image.count(text_of({})) == 1
+        self.rest = image[:self.at] + image[self.at + BYTES:]
         appliance.install("overlay/usr/libexec/ddx/slot-came-up", "usr/libexec/ddx/slot-came-up")
         appliance.add("usr/libexec/ddx/own-partition", "#!/bin/sh\necho /card\n")
         appliance.install_program(native.build() / "usr/libexec/ddx/ddxupdate", "usr/libexec/ddx/ddxupdate")
@@ -72,7 +58,7 @@ class Robot:
         assert appliance.run("mount -o bind /run/words /proc/cmdline") == (0, "")
 
     def comes_up(self, block: Block, words: str) -> Block:
-        return self.comes_up_with(text_of(block).encode(), words)
+        return self.comes_up_with(text_of(block), words)
 
     def comes_up_with(self, block: bytes, words: str) -> Block:
         with self.card.open("r+b") as file:
@@ -83,10 +69,11 @@ class Robot:
             (self.appliance.root / f"run/slot.{name}").unlink(missing_ok=True)
         self.appliance.run("/usr/libexec/ddx/slot-came-up")
         image = self.card.read_bytes()
-        assert image[:self.at] + image[self.at + 1024:] == self.rest, "something else of the FAT was written"
-        text = image[self.at:self.at + 1024].decode()
-        assert text.startswith("# GRUB Environment Block\n") and text.endswith("#")
-        return dict(line.split("=") for line in text.splitlines() if not line.startswith("#"))
+        assert image[:self.at] + image[self.at + BYTES:] == self.rest, "something else of the FAT was written"
+        text = image[self.at:self.at + BYTES]
+        found = block_of(text)
+        assert found is not None and text == text_of(found)
+        return found
 
     def said(self, name: str) -> str:
         path = self.appliance.root / f"run/slot.{name}"
@@ -183,11 +170,11 @@ def test_the_block_is_found_on_any_fat(tmp_path: pathlib.Path, options: tuple[st
     card, proc = tmp_path / "card", tmp_path / "proc"
     for name in ("proc", "run", "data"):
         (tmp_path / name).mkdir()
-    make_fat(card, text_of({"begun": "1"}), *options, kilobytes=65536 if "32" in options else 16384)
+    make_fat(card, {"begun": "1"}, *options, kilobytes=65536 if "32" in options else 16384)
     before = card.read_bytes()
     (proc / "cmdline").write_text("ddx.slot=A ddx.counted=begun=1\n")
     run([native.build() / "usr/libexec/ddx/ddxupdate", "-root", tmp_path, "block", card])
-    assert card.read_bytes() == before.replace(text_of({"begun": "1"}).encode(), text_of({}).encode())
+    assert card.read_bytes() == before.replace(text_of({"begun": "1"}), text_of({}))
     assert not (tmp_path / "run/slot.wrong").exists()
 
 

@@ -8,7 +8,8 @@ import pathlib
 import pytest
 
 from lib import update_cut
-from lib.update_cut import BLOCK, DATA, SLOTS
+from lib.boot_block import BYTES, Block
+from lib.update_cut import DATA, SLOTS
 from parts.disk.logged_device import lacking
 
 from .test_slots import menu
@@ -22,7 +23,7 @@ def _chosen(items: tuple[tuple[str, str], ...]) -> str:
     return menu(dict(items))[1]
 
 
-def chosen(block: update_cut.Block) -> str:
+def chosen(block: Block) -> str:
     return _chosen(tuple(sorted(block.items())))
 
 
@@ -41,7 +42,7 @@ def judge(disk: UpdateDisk, step: int, firm: bool) -> int:
     """Returns the number of states that were judged."""
     disk.stop()
     cuts = update_cut.Cuts(disk.before, disk.block_at, disk.device.log, step)
-    assert cuts.strays([(disk.block_at, BLOCK), SLOTS[disk.other], DATA]) == []
+    assert cuts.strays([(disk.block_at, BYTES), SLOTS[disk.other], DATA]) == []
     whole, count = [disk.roots[RUNNING], disk.roots[NEW], disk.roots[FORMER]], 0
     found: list[str] = []
     for state in cuts.states():

@@ -7,7 +7,7 @@ import pathlib
 import random
 import subprocess
 
-from lib import update_cut
+from lib import boot_block, update_cut
 from lib.update_cut import BOOT, DATA, SLOTS
 from parts.common import Closing, run
 from parts.disk.logged_device import LoggedDevice
@@ -94,7 +94,7 @@ class UpdateDisk(Closing):
         return self.content()[begin:begin + size]
 
     def block(self) -> dict[str, str] | None:
-        return update_cut.block_of(self.content()[self.block_at:self.block_at + update_cut.BLOCK])
+        return boot_block.block_of(self.content()[self.block_at:self.block_at + boot_block.BYTES])
 
     def stop(self) -> None:
         """Let go of the disk: its log is complete then."""

@@ -6,7 +6,7 @@ import pathlib
 import re
 
 from parts.common import TOP, entries, run
-from parts.guest.qemu import Guest
+from parts.guest.robot import Robot
 
 BUDGET = TOP / "board/common/budget.txt"
 NEAR = 0.9
@@ -54,15 +54,25 @@ def _free_in_lists(zones: str) -> int:
     return sum(map(int, re.findall(r"^ +count: (\d+)$", zones, re.M)))
 
 
-def memory(guest: Guest) -> float:
-    """MiB of the system's memory that are neither free, nor available, nor frames in the store."""
-    found = re.search(r"Memory: \d+K/(\d+)K available", guest.sh("dmesg"))
+def boot_memory(guest: Robot) -> re.Match[str]:
+    """The kernel's line about its memory; [1]: KiB of the whole machine."""
+    found = re.search(r"Memory: \d+K/(\d+)K available.*", guest.sh("dmesg"))
     assert found
-    kilobytes = {name: int(value) for name, value in re.findall(r"^(\w+):\s+(\d+) kB$", guest.sh("cat /proc/meminfo"),
-                                                               re.M)}
+    return found
+
+
+def meminfo(guest: Robot) -> dict[str, int]:
+    """KiB of /proc/meminfo by name."""
+    return {name: int(kilobytes) for name, kilobytes in
+            re.findall(r"^(\w+):\s+(\d+) kB$", guest.sh("cat /proc/meminfo"), re.M)}
+
+
+def memory(guest: Robot) -> float:
+    """MiB of the system's memory that are neither free, nor available, nor frames in the store."""
+    whole, available = int(boot_memory(guest)[1]), meminfo(guest)["MemAvailable"]
     frames = json.loads(guest.sh("ddxctl list --json"))["bytes"]
     free = _free_in_lists(guest.sh("cat /proc/zoneinfo")) * PAGE
-    return (int(found[1]) - kilobytes["MemAvailable"]) / 1024 - (float(frames) + free) / MIB
+    return (whole - available) / 1024 - (float(frames) + free) / MIB
 
 
 @dataclasses.dataclass(frozen=True)
@@ -95,7 +105,7 @@ class Timeline:
         return "\n".join(lines)
 
 
-def timeline(guest: Guest, source: str, first_frame: float) -> Timeline:
+def timeline(guest: Robot, source: str, first_frame: float) -> Timeline:
     """`source`: the service that writes the first frame."""
     steps = []
     for line in guest.sh("cat /run/log/boot").splitlines():

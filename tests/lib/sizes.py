@@ -2,13 +2,14 @@
 """What takes the bytes of an image and the memory of its machine."""
 import json
 import pathlib
-import re
 import zlib
 
+from lib import budget
 from parts.guest.robot import Robot
 
 BLOCK = 128 << 10  # of the squashfs
 ELF = b"\x7fELF"
+KERNEL = ("Slab", "SUnreclaim", "PageTables", "KernelStack", "Percpu", "AnonPages", "Shmem", "Mapped")  # in meminfo
 # One line, since a guest gets the lines of a command joined by spaces.
 PRIVATE = ("for one in /proc/[0-9]*; do read -r name < $one/comm && awk -v name=\"$name\" "
            "'/^Private_/ { sum += $2 } END { if (sum) print sum, name }' $one/smaps_rollup; done 2> /dev/null; true")
@@ -45,22 +46,13 @@ def of_image(root: pathlib.Path) -> dict[str, dict[str, list[int]]]:
 
 def of_memory(guest: Robot) -> dict[str, object]:
     """KiB: the kernel's line about its own memory, what it allocates, and the private memory of each process."""
-    log = re.search(r"Memory: .*", guest.sh("dmesg"))
-    numbers = {name: int(kilobytes) for name, kilobytes in
-               re.findall(r"^(Slab|SUnreclaim|PageTables|KernelStack|Percpu|AnonPages|Shmem|Mapped):\s+(\d+) kB$",
-                          guest.sh("cat /proc/meminfo"), re.M)}
+    known = budget.meminfo(guest)
     private: dict[str, int] = {}
     for line in guest.sh(PRIVATE).splitlines():
         kilobytes, name = line.split(None, 1)
         private[name] = private.get(name, 0) + int(kilobytes)
-    return {"boot": log[0] if log else "", "kernel": numbers,
+    return {"boot": budget.boot_memory(guest)[0], "kernel": {name: known[name] for name in KERNEL},
             "private": dict(sorted(private.items(), key=lambda one: -one[1]))}
-
-
-def initcalls(log: str) -> list[tuple[float, str]]:
-    """The ten initcalls that took longest (ms), from the log of a kernel that started with `initcall_debug`."""
-    found = re.findall(r"initcall (\w+)\S* (?:\[\w+\] )?returned -?\d+ after (\d+) usecs", log)
-    return sorted(((int(us) / 1000, name) for name, us in found), reverse=True)[:10]
 
 
 def table(image: dict[str, dict[str, list[int]]], memory: dict[str, object]) -> str:

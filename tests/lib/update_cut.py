@@ -6,6 +6,7 @@ import pathlib
 import random
 from collections.abc import Callable, Iterator
 
+from lib.boot_block import BYTES, Block, block_of, make_fat, text_of
 from parts.common import TOP, run, scratch
 from parts.disk import blocklog
 from parts.disk.blocklog import SECTOR, Writes
@@ -13,27 +14,17 @@ from parts.disk.blocklog import SECTOR, Writes
 MIB = 1 << 20
 BOOT, SLOTS, DATA = (MIB, 4 * MIB), {"A": (5 * MIB, 3 * MIB), "B": (8 * MIB, 3 * MIB)}, (11 * MIB, 8 * MIB)
 SIZE = 20 * MIB
-BLOCK = 1024
-HEAD = b"# GRUB Environment Block\n"
 MAGIC = b"hsqs"  # a squashfs begins with it
 
-Block = dict[str, str]
 Menu = Callable[[Block], str]  # the slot that GRUB's menu chooses for such a block
-
-
-def text_of(block: Block) -> bytes:
-    return (HEAD + "".join(f"{name}={value}\n" for name, value in block.items()).encode()).ljust(BLOCK, b"#")
 
 
 def make_disk(image: pathlib.Path, block: Block, slots: dict[str, bytes]) -> int:
     """Returns where the boot loader's block is."""
     with scratch() as folder:
-        boot, data, file = folder / "boot", folder / "data", folder / "grubenv"
-        file.write_bytes(text_of(block))
-        run(["mkfs.vfat", "--invariant", "-C", "-n", "DDXBOOT", boot, str(BOOT[1] // 1024)])
-        run(["mmd", "-i", boot, "::grub"])
+        boot, data = folder / "boot", folder / "data"
+        make_fat(boot, block, "--invariant", kilobytes=BOOT[1] // 1024)
         run(["mcopy", "-i", boot, TOP / "board/common/grub.cfg", "::grub/grub.cfg"])
-        run(["mcopy", "-i", boot, file, "::grub/grubenv"])
         run(["truncate", "-s", str(DATA[1]), data])
         run(["mke2fs", "-q", "-b", "1024", "-t", "ext4", "-m", "0", "-E", "lazy_itable_init=0,lazy_journal_init=0",
              data])
@@ -71,11 +62,11 @@ class Cuts:
         return bytes(part)
 
     def state(self, written: Writes, how: str) -> State:
-        return State(self._view(self.block_at, BLOCK, written),
+        return State(self._view(self.block_at, BYTES, written),
                      {name: self._view(begin, size, written) for name, (begin, size) in SLOTS.items()}, how)
 
     def _is_sensitive(self, at: int) -> bool:
-        return self.block_at <= at < self.block_at + BLOCK or any(
+        return self.block_at <= at < self.block_at + BYTES or any(
             begin <= at < begin + MIB for begin, _ in SLOTS.values())
 
     def _pieces(self, number: int, entry: blocklog.Entry) -> Iterator[State]:
@@ -99,14 +90,6 @@ class Cuts:
         """Writes outside of these ranges, given as offset and size."""
         return [entry.offset for entry in self.entries if entry.data and not any(
             begin <= entry.offset and entry.offset + len(entry.data) <= begin + size for begin, size in allowed)]
-
-
-def block_of(text: bytes) -> Block | None:
-    """The variables; None: GRUB finds no block."""
-    if not text.startswith(HEAD):
-        return None
-    lines = text.decode("latin1").split("\n")
-    return dict(line.split("=", 1) for line in lines if "=" in line and not line.startswith("#"))
 
 
 def wrong(state: State, menu: Menu, whole: list[bytes], firm: bool) -> Iterator[str]:
