@@ -24,7 +24,7 @@ from parts.media import clip
 from parts.processes import Client, kill
 MARK = b"\xa5" * 64  # in each value of bench/catalog.c
 RULES = "interface link0\nitem *\nitem video as=sensor_msgs/msg/Image topic=/image\n"
-PROGRAMS = ["bin/catalog", "libexec/ddx/ctl-catalog", "libexec/ddx/ctl-rosmsgs"]
+PROGRAMS = ["bin/ddxcatalog", "libexec/ddx/ctl-catalog", "libexec/ddx/ctl-rosmsgs"]
 RATE = 100
 
 

@@ -39,7 +39,7 @@ class Machine(Programs):
         (folder / "exports.conf").write_text(rules)
         super().__init__(folder, node.inside)
         self.name, self.node = name, node
-        self.catalog = self.start("catalog", "-machine", name, "-c", "exports.conf")
+        self.catalog = self.start("ddxcatalog", "-machine", name, "-c", "exports.conf")
         self.clients: list[Client | Reader] = []
 
     def ctl(self, *words: str) -> str:
@@ -55,7 +55,7 @@ class Machine(Programs):
         wait_until(lambda: f'"{item}"' in self.ctl("catalog", "--json"), f"{item} is not heard")
 
     def counters(self) -> dict[str, Any]:
-        return dict(self._counters("catalog")[0])
+        return dict(self._counters("ddxcatalog")[0])
 
     def readers(self, item: str) -> int:
         shown = self.ctl("list", "--json")

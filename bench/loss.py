@@ -7,7 +7,7 @@ A case plays 60 s of a numbered clip (real, moving, drawn) from a robot to an op
 relay between them that loses packets from the first one on; frames count from the third second on. The two directions
 lose independently of each other, except with "outages together". Cases are compared with a run without loss. A case's
 name lists its parameters: "ddxvideo, iid 30, real, reports, -wire 250, RTT 4 ms, seed 1"; -cases selects cases whose
-name has all words of one of the lists. -sender, -receiver: more options of ddxvideosend and decode. Writes
+name has all words of one of the lists. -sender, -receiver: more options of ddxvideosend and ddxdecode. Writes
 output/bench/loss.json, and loss.html with pictures of the screen. -short: a second of a generated clip, for the gate;
 writes no file and judges nothing.
 """

@@ -67,7 +67,7 @@ class Peer(Closing):
 
 
 class Ours(Peer):
-    """ddxvideosend and decode, each with its own store. `sender` and `receiver`: more options of them."""
+    """ddxvideosend and ddxdecode, each with its own store. `sender` and `receiver`: more options of them."""
     name = OURS
 
     def __init__(self, link: Link, clip: pathlib.Path, folder: pathlib.Path, sender: Sequence[str] = (),
@@ -86,8 +86,8 @@ class Ours(Peer):
     def receive(self) -> None:
         for number, programs in enumerate(self.operators):
             self.seen.append(programs.watch("seen", self.pictures_of(number)))
-            programs.start("decode", "-headless", "-name", "seen", *self.receiver)
-            wait_until(lambda: programs.answers("decode"), "decode does not start")
+            programs.start("ddxdecode", "-headless", "-name", "seen", *self.receiver)
+            wait_until(lambda: programs.answers("ddxdecode"), "ddxdecode does not start")
 
     def send(self) -> None:
         self.robot.start("ddxvideosend", *self.sender)

@@ -126,7 +126,7 @@ class Store:
 
     def __init__(self, folder: pathlib.Path, peer: str = "ddx", memory: str = "256M") -> None:
         root = place(peer)[0]
-        self.process = subprocess.Popen([*MORTAL, root / "usr/bin/store", "-m", memory], stderr=subprocess.DEVNULL,
+        self.process = subprocess.Popen([*MORTAL, root / "usr/bin/ddxstore", "-m", memory], stderr=subprocess.DEVNULL,
                                         env={**os.environ, **native.environment(root), "DDX_DIR": str(folder)})
         os.sched_setaffinity(self.process.pid, cpus()[-1:])
 

@@ -23,7 +23,7 @@ class Programs(Closing):
         self.bin = root / "usr/bin"
         self.environment = {**os.environ, **native.environment(root), "DDX_DIR": str(folder)}
         self.running: list[subprocess.Popen[bytes]] = []
-        self.start("store", "-m", "64M")
+        self.start("ddxstore", "-m", "64M")
 
     def start(self, name: str, *words: str) -> subprocess.Popen[bytes]:
         command = [*MORTAL, *self.inside, str(self.bin / name), *words]

@@ -53,7 +53,7 @@ def short(folder: pathlib.Path) -> Plan:
 
 def slice_of(codec: str, folder: pathlib.Path, plan: Plan) -> dict[str, Any]:
     with Programs(folder) as programs:
-        decode = programs.start("decode", "-headless", "-name", "seen")
+        decode = programs.start("ddxdecode", "-headless", "-name", "seen")
         sender = programs.start("ddxvideosend", *CODECS[codec], "-bitrate", str(BITRATE))
         watchers = [programs.watch(item) for item in ("video", "seen")]
         loader = programs.start("ddxvideoload", str(plan.clip), "-readers", "2")
@@ -105,7 +105,7 @@ def report(slices: list[dict[str, Any]]) -> list[dict[str, Any]]:
 
 def table(rows: list[dict[str, Any]]) -> None:
     heads = [("p50", "ms"), ("p99", "ms"), ("sender", "CPU %"), ("encoder", "CPU %"), ("ratio", ""),
-             ("decode", "CPU %")]
+             ("ddxdecode", "CPU %")]
     for line, title in enumerate((f"stream, CIF 25, {BITRATE} kbit/s", "")):
         say(f"{title:34}" + "".join(f"{head[line]:>9}" for head in heads))
     for row in rows:

@@ -44,8 +44,8 @@ def protection(folder: pathlib.Path, clip: pathlib.Path, encoder: Sequence[str |
     with (Link(loss=LOSS, delay_ms=2) as link, Programs(folder / "robot", link.robot.inside) as robot,
           Programs(folder / "operator", link.operator[0].inside) as operator):
         common = ("-group", "none", "-port")
-        operator.start("decode", "-headless", "-instance", PROTECTED, *common, "8000", *key)
-        operator.start("decode", "-headless", "-instance", PLAIN, *common, "8004", "-silent")
+        operator.start("ddxdecode", "-headless", "-instance", PROTECTED, *common, "8000", *key)
+        operator.start("ddxdecode", "-headless", "-instance", PLAIN, *common, "8004", "-silent")
         rate = ("-to", link.operator[0].address, "-bitrate", str(bitrate), "-wire", str(ROOM * bitrate))
         senders = {
             PROTECTED: robot.start("ddxvideosend", "-instance", PROTECTED, *common, "8000", *rate, *key),

@@ -76,7 +76,7 @@ def one_run(seed: int) -> Run:
                           env={**os.environ, "DDX_STORE_PROGRAM": str(TESTS / "store-with-faults"),
                                "DDX_CRASH_URGENT": "1"})
     if done.returncode:
-        errors = [line for line in done.stderr.splitlines() if not line.startswith("store:")]
+        errors = [line for line in done.stderr.splitlines() if not line.startswith("ddxstore:")]
         raise Failed("\n".join([f"seed {seed} failed:", *errors]))
     found: Run = json.loads(next(line for line in done.stdout.splitlines() if '"kills"' in line))
     return found

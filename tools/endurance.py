@@ -35,13 +35,13 @@ SETTLED = 60    # s of video before the first look: then logs and caches have th
 DISK = 24 << 30  # bytes; an hour's recording fits
 SMALL_DISK = 1 << 10  # MiB, natively; full after five minutes, then the oldest recordings are deleted
 SEND, SAVE, V4L = "ddxvideosend", "ddxvideosave", "ddxvideoV4L"
-PASSING_ON = (SEND, SAVE, "decode", "ddxlog")  # toggled services that count frames out
+PASSING_ON = (SEND, SAVE, "ddxdecode", "ddxlog")  # toggled services that count frames out
 # The toggled services: one in the guest, several at once natively, which share the toggles.
 IN_GUEST = (SEND,)
-AT_ONCE = (SEND, SAVE, V4L, "decode", "ddxlog")
-SETTINGS = {"ddxvideoload.conf": "loop=\n", f"{SEND}.conf": "interface=lo\n", "decode.conf": "interface=lo\n"}
+AT_ONCE = (SEND, SAVE, V4L, "ddxdecode", "ddxlog")
+SETTINGS = {"ddxvideoload.conf": "loop=\n", f"{SEND}.conf": "interface=lo\n", "ddxdecode.conf": "interface=lo\n"}
 # Processes that keep running while others are toggled.
-STAYING = ("init", "runsvdir", "runsv", "svlogd", "store", "ddxvideoload", "ddxhealth")
+STAYING = ("init", "runsvdir", "runsv", "svlogd", "ddxstore", "ddxvideoload", "ddxhealth")
 RECORDING = (*STAYING, SAVE, SEND)
 # The kernel's tables and the logs in memory may grow by this much; a leak at each toggle or frame exceeds it.
 MEMORY_LIMIT = 1024   # KiB of the whole machine

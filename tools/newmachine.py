@@ -27,7 +27,7 @@ ddxctl -help > /dev/null && man -w ddx_store_open > /dev/null
 mkdir try && cd try && cp ../examples/reader.c ../examples/reader.py .
 cc reader.c -o reader $(pkg-config --cflags --libs ddx)
 python3 -B ../tools/parts/media/clip.py clip.y4m 4
-store -m 64M > /dev/null 2>&1 & store=$!
+ddxstore -m 64M > /dev/null 2>&1 & store=$!
 until ddxctl list > /dev/null 2>&1; do sleep 0.1; done
 ddxvideoload clip.y4m -loop > /dev/null 2>&1 & loader=$!
 until ddxctl list | grep -q video; do sleep 0.1; done

@@ -1,5 +1,5 @@
 /* SPDX-License-Identifier: GPL-2.0-or-later */
-/* catalog: links the stores of several machines. */
+/* ddxcatalog: links the stores of several machines. */
 #include <pthread.h>
 #include <string.h>
 #include <sys/resource.h>
@@ -36,7 +36,7 @@ int main(int argc, char **argv) {
         {"machine", "NAME", "name of this machine for others (default: its host name)", OPTION_TEXT, &machine, 0, 0},
         {NULL, NULL, NULL, OPTION_FLAG, NULL, 0, 0},
     };
-    catalog.program = (struct program){.name = "catalog", .purpose = purpose, .notes = notes, .options = options};
+    catalog.program = (struct program){.name = "ddxcatalog", .purpose = purpose, .notes = notes, .options = options};
 
     program_start(&catalog.program, argc, argv);
     gethostname(name, sizeof name - 1);

@@ -185,7 +185,7 @@ def bus_guest(boot: qemu.Boot, work: pathlib.Path, board: Machine) -> Iterator[q
     second, jpeg = default_clip.write(work / "second.y4m", 1), work / "second.mjpeg"
     run(["ffmpeg", "-v", "error", "-y", "-i", second, "-q:v", "3", "-pix_fmt", "yuvj422p", "-f", "mjpeg", jpeg])
     # The store's usual memory is too small for the pictures of five FireWire cameras.
-    more: dict[str, pathlib.Path | str] = {"feed.mjpeg": jpeg, "store.conf": "m=64M\n"}
+    more: dict[str, pathlib.Path | str] = {"feed.mjpeg": jpeg, "ddxstore.conf": "m=64M\n"}
     if board.board == machine.DEV:  # the module is built for the development image's kernel alone
         more.update(firewire.files(work))
     with iidc.booted(boot, work, board, "bus", more) as running:

@@ -77,9 +77,9 @@ def test_programs_run_from_data_and_from_memory(guest: Guest) -> None:
         guest.sh(f"cp /bin/busybox {folder}/uname")
         assert (guest.shell().run(f"{folder}/uname")[0] == 0) == runs, folder
         guest.sh(f"rm {folder}/uname")
-    guest.sh("cp /bin/busybox /data/true && mount -o bind /data/true /usr/bin/decode")  # decode is off
-    assert guest.sh("cmp /data/true /usr/bin/decode && echo same").strip() == "same"
-    guest.sh("umount /usr/bin/decode && rm /data/true")
+    guest.sh("cp /bin/busybox /data/true && mount -o bind /data/true /usr/bin/ddxdecode")  # ddxdecode is off
+    assert guest.sh("cmp /data/true /usr/bin/ddxdecode && echo same").strip() == "same"
+    guest.sh("umount /usr/bin/ddxdecode && rm /data/true")
 
 
 def test_no_start_has_failed(guest: Guest) -> None:

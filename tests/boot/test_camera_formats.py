@@ -29,7 +29,7 @@ GREY = bytes([128]) * (WIDTH * HEIGHT // 2)
 def guest(boot: qemu.Boot, work: pathlib.Path, board: Machine) -> Iterator[Guest]:
     clip = work / "second.y4m"
     default_clip.write(clip, 1)
-    disk = camera.disk(work, board.board, clip, {"store.conf": f"m={STORE}M\n"})
+    disk = camera.disk(work, board.board, clip, {"ddxstore.conf": f"m={STORE}M\n"})
     with boot("camera-formats", test_disk=disk, more_memory=128 + 2 * STORE) as running:
         camera.prepare(running)
         running.sh("/etc/init.d/S*ddxvideosave stop")

@@ -35,7 +35,7 @@ def runs(guest: Guest, name: str) -> None:
 def test_services_are_those_of_the_tables(guest: Guest) -> None:
     found = services(guest)
     assert list(found) == tables.services()
-    assert found["store"]["enabled"] is True and found["store"]["state"] == "running"
+    assert found["ddxstore"]["enabled"] is True and found["ddxstore"]["state"] == "running"
     assert found[SEND]["enabled"] is False and found[SEND]["pid"] is None
     table = guest.sh("ddxctl services").splitlines()
     assert table[0].split() == ["SERVICE", "ENABLED", "STATE", "PID", "RESTARTS"] and len(table) == len(found) + 1
@@ -50,7 +50,7 @@ def test_health_fits_one_screen_and_names_each_problem(guest: Guest, recorded: s
     assert f"  disk       /rec: {free} of {total} MB free" in lines
     assert f"  frames     {SAVE}: 0.0 in, 0.0 out a second, 0 lost" in lines
     assert any(line.startswith("  recorder   room for ") and "; files ready: " in line for line in lines)
-    where = next(number for number, line in enumerate(lines) if line.startswith("  services   on: store"))
+    where = next(number for number, line in enumerate(lines) if line.startswith("  services   on: ddxstore"))
     assert lines[where + 1].startswith("             off: ") and SEND in lines[where + 1]
     guest.sh(f"ddxctl stop {SAVE} && mount -o remount,ro /rec")
     status, screen = run(guest, "ddxctl health")
@@ -77,20 +77,20 @@ def test_invalid_settings_are_reported_and_not_retried(guest: Guest, lines: str,
 
 
 @pytest.mark.parametrize("words, says", [
-    ("enable ddxvideo", "no service 'ddxvideo'; there are: store "),
-    ("enable", "enable needs the name of a service: store "),
+    ("enable ddxvideo", "no service 'ddxvideo'; there are: ddxstore "),
+    ("enable", "enable needs the name of a service: ddxstore "),
     ("disable ddxvideosend.side", "no 'ddxvideosend.side'; there are: ddxvideosend"),
     ("start ../etc/passwd", "no service"),
-    ("status store extra", "unexpected 'extra'"),
+    ("status ddxstore extra", "unexpected 'extra'"),
     ("services all", "unexpected 'all'"),
     ("add ddxvideosend name=x", "add needs a name for the instance: ddxvideosend.front"),
-    ("add store.two m=8M", "there can be only one store"),
+    ("add ddxstore.two m=8M", "there can be only one ddxstore"),
     ("add ddxvideosend.a/b name=x", "letters, digits"),
     ("add ddxvideosend.rear rear", "'rear' is not key=value"),
     ("add ddxvideosend.rear port=99999", "-port 99999: a number from 2 to 65532 is needed"),
     ("add ddxvideosend.rear codec=h265", "-codec h265: h264 or mpeg4 is needed"),
     ("add ddxvideosend.rear speed=9", "there are: name codec wire bitrate "),
-    ("remove store", "is part of the image"),
+    ("remove ddxstore", "is part of the image"),
     ("reset", "needs a word: settings or everything"),
     ("reset all", "needs a word: settings or everything"),
     ("reset settings disks", "unexpected 'disks'; recordings is possible"),
@@ -142,7 +142,7 @@ def test_a_reset_removes_settings_and_keeps_recordings(boot: Boot, tmp_path: pat
         guest.shell()
         guest.sh(f"ddxctl disable {SAVE}; ddxctl add {REAR} name=rear port=8004 interface=lo; echo x > /rec/old.y4m")
         runs(guest, REAR)
-        store = guest.sh("cat /run/service/store/supervise/pid")
+        store = guest.sh("cat /run/service/ddxstore/supervise/pid")
         for typed in ("", "yes", "everything"):
             status, text = run(guest, f"echo {typed} | ddxctl reset settings")
             assert status == 1 and "not confirmed" in text
@@ -151,7 +151,7 @@ def test_a_reset_removes_settings_and_keeps_recordings(boot: Boot, tmp_path: pat
         runs(guest, SAVE)
         found = services(guest)
         assert found[SAVE]["enabled"] is True and REAR not in found and run(guest, "pidof ddxvideosend")[0] == 1
-        assert guest.sh("ls -A /data/ddx; cat /run/service/store/supervise/pid") == store
+        assert guest.sh("ls -A /data/ddx; cat /run/service/ddxstore/supervise/pid") == store
         guest.sh("mkdir /data/keys && echo secret > /data/keys/host && ls /rec/old.y4m")
         guest.shell().begin("echo everything | ddxctl reset everything recordings")
         guest.process.wait(PATIENCE)

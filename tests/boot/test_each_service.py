@@ -25,7 +25,7 @@ LONG_RUN = 11  # s; a service that ran this long is restarted at once
 DISK = 8 << 30  # bytes; enough for all recordings of these tests
 SETTINGS = {LOAD: "loop=\nrate=0.4\n", SAVE: "segment=16\n", stream.SEND: "interface=lo\ncodec=mpeg4\n",
             stream.DECODE: "interface=lo\n", "ddxvideoSVS": "calib=/test/stereo.yml\n",
-            "catalog": "c=/test/exports.conf\n"}
+            "ddxcatalog": "c=/test/exports.conf\n"}
 
 
 @pytest.fixture(scope="module")
@@ -74,7 +74,7 @@ def test_killed(guest: Guest, record_property: Figure, name: str) -> None:
 @pytest.mark.parametrize("signal", ["KILL", "STOP"])
 def test_a_worker_of_the_store_is_replaced(guest: Guest, record_property: Figure, signal: str) -> None:
     """A new worker replaces a dead or hung one; no service stops, and no recorded frame is lost."""
-    before, pid = restarts(guest), state(guest, "store")["pid"]
+    before, pid = restarts(guest), state(guest, "ddxstore")["pid"]
     worker, begin = guest.sh(f"pgrep -P {pid}").strip(), uptime(guest)
     guest.sh(f"(kill -{signal} {worker}; until now=$(pgrep -P {pid}) && [ $now != {worker} ]; "
              f"do kill -0 {pid} || exit 1; sleep 0.05; done)")

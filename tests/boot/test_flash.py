@@ -65,7 +65,7 @@ def test_a_flashed_disk_boots_and_serves(image: pathlib.Path, flashed: pathlib.P
         for folder in ["/data", "/rec"]:
             assert guest.sh(f"grep ' {folder} ' /proc/mounts").startswith(f"/dev/{name}")
             guest.sh(f"touch {folder}/file")
-        for program in ["store", "ddxvideosave"]:
+        for program in ["ddxstore", "ddxvideosave"]:
             guest.wait_until(f"/etc/init.d/S*{program} status")
         assert "EXT4-fs error" not in guest.sh("dmesg")
         assert not [line for line in guest.sh("cat /run/log/boot").splitlines() if line.split()[2] != "0"]

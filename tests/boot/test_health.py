@@ -82,7 +82,7 @@ def test_a_store_that_hangs_is_replaced_and_nothing_is_lost(
     disk = testdisk.make(work / "health.img", clip, {"ddxvideoload.conf": "readers=1\n"})
     with boot("hang-store", test_disk=disk) as guest:
         camera.wait_for_frames(guest, 50, session.LOAD)
-        took = hang(guest, "store")
+        took = hang(guest, "ddxstore")
         session.wait_for_clip(guest, 500)
         session.stop_recorder(guest)
         result = session.collect(guest, clip, work / "hang-store.y4m")
@@ -108,7 +108,7 @@ def boots(guest: Guest) -> int:
 @pytest.mark.long
 def test_the_watchdog_is_fed_also_while_programs_hang(guarded: Guest) -> None:
     begin = time.monotonic()
-    hang(guarded, "store")
+    hang(guarded, "ddxstore")
     hang(guarded, SAVE)
     time.sleep(max(0.0, begin + 1.5 * TIMEOUT - time.monotonic()))
     assert boots(guarded) == 1

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-2.0-or-later
-"""A minute under full load: a camera, the recorder, the sender, decode, and a reader that is far too slow."""
+"""A minute under full load: a camera, the recorder, the sender, ddxdecode, and a reader that is far too slow."""
 import dataclasses
 import functools
 import pathlib
@@ -93,7 +93,7 @@ class Crowd:
 
 
 def judge_stream(minute: Minute, rate: float, figure: Figure) -> None:
-    """Check that nothing waits for the sender, its losses are counted, and decode showed the right pictures."""
+    """Check that nothing waits for the sender, its losses are counted, and ddxdecode showed the right pictures."""
     ends = minute.ends
     found = stream.judge(minute.shown, minute.recorded, ends[stream.SEND], ends[stream.DECODE],
                          ends[stream.RECORDER])

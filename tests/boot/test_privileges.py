@@ -17,9 +17,9 @@ ROOTS = {"init", "recordings-disk", "runsvdir", "runsv", "mdev", "sh", "console"
 # stays for a second after its program.
 PASSING = {"run", "chpst", "setpriv", "timeout"}
 REALTIME = {"ddxlog", "ddxvideoV4L", "ddxvideosave"}
-SWITCHED_ON = ("ddxlog", "ddxvideosend", "decode", "catalog")
-OWN = {"store": 901, "store-worker": 901, "ddxvideosave": 903, "ddxvideoV4L": 904, "ddxvideosend": 905, "decode": 906,
-       "ddxhealth": 907, "svlogd": 908, "ddxlog": 909, "catalog": 914}
+SWITCHED_ON = ("ddxlog", "ddxvideosend", "ddxdecode", "ddxcatalog")
+OWN = {"ddxstore": 901, "ddxstore-worker": 901, "ddxvideosave": 903, "ddxvideoV4L": 904, "ddxvideosend": 905,
+       "ddxdecode": 906, "ddxhealth": 907, "svlogd": 908, "ddxlog": 909, "ddxcatalog": 914}
 # Root's processes in the network, and their capabilities (/usr/include/linux/capability.h). SSH is not listed, since it
 # lets root in.
 ADDRESSES, TIME = 1 << 10 | 1 << 12 | 1 << 13, 1 << 25  # bind to low ports, administer, raw sockets; set the time
@@ -92,7 +92,7 @@ def test_a_service_cannot_remove_another_service_s_files(guest: Guest, processes
     """The group contains services that talk to the network."""
     assert guest.sh("stat -c '%U %G %a' /run/ddx /rec /rec/log").splitlines() == [
         "ddxstore ddx 3775", "ddxsave ddx 2755", "ddxlogger ddx 2755"]
-    for user in ("ddxsend", "ddxseen", "ddxgrab"):
+    for user in ("ddxsend", "ddxdecode", "ddxgrab"):
         assert fails_as(guest, user, "mv /run/ddx/store-* /run/ddx/mine || rm -f /run/ddx/store-*"), user
         assert fails_as(guest, user, "touch /rec/x") and fails_as(guest, user, "touch /rec/log/x"), user
     assert not fails_as(guest, "ddxsend", "touch /run/ddx/own && rm /run/ddx/own")  # its own store
@@ -101,7 +101,7 @@ def test_a_service_cannot_remove_another_service_s_files(guest: Guest, processes
 
 def test_store_and_recorder_are_killed_last_when_memory_is_short(guest: Guest, processes: list[Fields]) -> None:
     for one in processes:
-        wanted = "-900" if one["Name"] in ("store", "store-worker", "ddxvideosave") else "0"
+        wanted = "-900" if one["Name"] in ("ddxstore", "ddxstore-worker", "ddxvideosave") else "0"
         status, text = guest.shell().run(f"cat /proc/{one['Pid']}/oom_score_adj")
         assert status != 0 or text.strip() == wanted, one["Name"]
 

@@ -49,7 +49,7 @@ def test_rescue_starts_no_service_and_mounts_nothing(boot: Boot) -> None:
         assert "ddx.rescue" in words and "ddx.slot=A" in words
         for folder in ["/data", "/rec"]:
             assert guest.shell().run(f"mountpoint -q {folder}")[0] != 0, folder
-        assert guest.shell().run("pidof store ddxvideosave ddxvideoload resize2fs")[0] != 0
+        assert guest.shell().run("pidof ddxstore ddxvideosave ddxvideoload resize2fs")[0] != 0
         assert guest.sh("ls /run/service") == ""
         # GRUB counts the boot, but the rescue shell does not accept the slot
         assert guest.environment() == {"left": "2"}

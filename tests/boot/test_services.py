@@ -13,7 +13,7 @@ from .test_health import hang
 pytestmark = pytest.mark.retry
 
 SUPERVISE = "/run/service/ddxvideosave/supervise"
-USERS = {"store": "ddxstore", "ddxvideosave": "ddxsave"}
+USERS = {"ddxstore": "ddxstore", "ddxvideosave": "ddxsave"}
 
 
 def status(guest: Guest, program: str) -> tuple[int, dict[str, str]]:
@@ -63,15 +63,15 @@ def test_a_killed_service_is_back_within_a_second_and_counted(guest: Guest, reco
 
 def test_a_new_worker_of_the_store_takes_over(guest: Guest, recorded: session.Result) -> None:
     """The store stays the same: the service has not stopped, and no other service is affected."""
-    before = status(guest, "store")[1]
+    before = status(guest, "ddxstore")[1]
     worker = guest.sh(f"pgrep -P {before['pid']}").strip()
     guest.sh(f"kill -9 {worker}")
     guest.wait_until(f"now=$(pgrep -P {before['pid']}) && [ $now != {worker} ]")
-    assert "the worker was killed by signal 9; the next one continues" in guest.sh("ddxctl logs store")
+    assert "the worker was killed by signal 9; the next one continues" in guest.sh("ddxctl logs ddxstore")
     assert "video" in guest.sh("ddxctl list")
-    after = status(guest, "store")[1]
+    after = status(guest, "ddxstore")[1]
     assert (after["pid"], after["restarts"]) == (before["pid"], before["restarts"])
-    assert guest.sh(f"stat -c %U /proc/$(pgrep -P {before['pid']})") == USERS["store"]
+    assert guest.sh(f"stat -c %U /proc/$(pgrep -P {before['pid']})") == USERS["ddxstore"]
 
 
 def test_a_service_that_hangs_is_replaced(guest: Guest, recorded: session.Result) -> None:

@@ -55,7 +55,7 @@ def robot(boot: Boot, work: pathlib.Path, place: pathlib.Path) -> Iterator[Robot
     disk = testdisk.make(work / "ssh.img", clip)
     port = free_port()
     provision = f"network=eth0 dhcp\nssh_key={(place / 'mine.pub').read_text()}" \
-                "service=decode on\nservice=ddxvideosend on\nservice=catalog on\n"
+                "service=ddxdecode on\nservice=ddxvideosend on\nservice=ddxcatalog on\n"
     with boot("ssh", provision=provision, test_disk=disk, keep=place, extra=forward(port)) as guest:
         guest.shell()
         session.wait_for_clip(guest, SECONDS * default_clip.RATE)
@@ -109,7 +109,7 @@ def test_scp_copies_recordings(robot: Robot, tmp_path: pathlib.Path, protocol: s
 
 
 def test_only_declared_ports_listen(robot: Robot) -> None:
-    for name in ("decode", "ddxvideosend"):
+    for name in ("ddxdecode", "ddxvideosend"):
         runs(robot.guest, name)
     robot.guest.wait_until("netstat -uln | grep -q :7411")
     found = re.findall(r"^(tcp|udp)\s.*?:(\d+)\s.*/(\S+)", robot.guest.sh("netstat -tulnp"), re.M)

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-2.0-or-later
-"""A stream in the image, from the store through the network to decode, while the recorder runs."""
+"""A stream in the image, from the store through the network to ddxdecode, while the recorder runs."""
 import json
 import pathlib
 import re
@@ -21,21 +21,21 @@ def test_the_sender_is_off_by_default(guest: qemu.Guest) -> None:
 
 
 def test_stream(boot: qemu.Boot, work: pathlib.Path) -> None:
-    """Each frame shown has the number that decode prints. MPEG-4: an emulated processor is too slow for H.264."""
+    """Each frame shown has the number that ddxdecode prints. MPEG-4: an emulated processor is too slow for H.264."""
     clip = work / "stream.y4m"
     default_clip.write(clip, SECONDS)
     settings = {"ddxvideosend.conf": "enabled=yes\ncodec=mpeg4\ninterface=lo\n", "ddxvideoload.conf": "readers=3\n"}
     with boot("stream", test_disk=testdisk.make(work / "stream.img", clip, settings)) as guest:
         guest.shell()
-        guest.sh("decode -headless -interface lo -print > /tmp/shown 2> /tmp/said &")
+        guest.sh("ddxdecode -headless -interface lo -print > /tmp/shown 2> /tmp/said &")
         guest.wait_until("netstat -uln | grep -q :8000", pause=0.1)
         # The clip begins with the third reader, after recorder and sender. The loader may not have made the item yet.
         guest.sh("until ddxctl watch video; do sleep 0.1; done > /dev/null 2>&1 &")
         session.wait_for_clip(guest, FRAMES)
         sent = f"\"ddxvideosend\",\"in\":{FRAMES},\"out\":[0-9]*,\"waiting\":0"
         guest.wait_until(f"ddxctl stats --json | grep -q '{sent}'")
-        guest.sh("kill $(pidof decode)")
-        guest.wait_until("! pidof decode", pause=0.1)
+        guest.sh("kill $(pidof ddxdecode)")
+        guest.wait_until("! pidof ddxdecode", pause=0.1)
         shown = guest.sh("cat /tmp/shown")
         said = guest.sh("cat /tmp/said /run/log/ddxvideosend/current")
         session.stop_recorder(guest)

@@ -31,9 +31,9 @@ def test_the_other_machine_s_items(boot: qemu.Boot) -> None:
         with boot("laptop", extra=segment.card(1)) as laptop, boot("robot", extra=segment.card(0)) as robot:
             begin(laptop, "laptop", "10.0.0.2")
             begin(robot, "carol", "10.0.0.1")
-            robot.sh("catalog > /tmp/linked 2>&1 &")
+            robot.sh("ddxcatalog > /tmp/linked 2>&1 &")
             laptop.sh(f"printf 'item {ITEM}\\n' > /data/ddx/exports.conf")  # the default rules exclude counters
-            laptop.sh("printf 'c=/data/ddx/exports.conf\\n' > /data/ddx/catalog.conf; ddxctl enable catalog")
+            laptop.sh("printf 'c=/data/ddx/exports.conf\\n' > /data/ddx/ddxcatalog.conf; ddxctl enable ddxcatalog")
             exchange(robot, laptop, "carol")
             exchange(laptop, robot, "laptop")
             assert (said := robot.sh("cat /tmp/linked")) == "", said

@@ -39,8 +39,8 @@ def packets(guest: Guest, instance: str) -> dict[str, int]:
 
 
 def arrive(operator: Guest, segment: Segment) -> None:
-    """Wait until packets on their way have reached decode's counters, which are written once a second; packets that do
-    not arrive in time show up as missing."""
+    """Wait until packets on their way have reached ddxdecode's counters, which are written once a second; packets that
+    do not arrive in time show up as missing."""
     end = time.monotonic() + 20
     while time.monotonic() < end:
         found = packets(operator, stream.DECODE)
@@ -52,7 +52,7 @@ def arrive(operator: Guest, segment: Segment) -> None:
 def disagreements(segment: Segment, sent: dict[str, int], received: dict[str, int]) -> list[str]:
     """Counters at both ends that differ from the relay's."""
     media, repair, reports = segment.media, segment.repair, segment.reports
-    # A packet restored before decode reads it from the other socket counts as a duplicate.
+    # A packet restored before ddxdecode reads it from the other socket counts as a duplicate.
     early = received["duplicate"] - media.duplicated
     never = received["lost"] - received["late"] + received["restored"] - early
     known = ("restored", "repair_useless", "repair_expired", "repair_refused", "repair_corrupt")
@@ -78,7 +78,7 @@ def test_a_stream_through_a_lossy_network(boot: qemu.Boot, work: pathlib.Path, c
                 boot("robot", test_disk=disk, extra=segment.card(0)) as robot:
             network(operator, "10.0.0.2")
             service(operator, "ddxvideosave", "name=seen\\n", ".seen")
-            service(operator, "decode", "enabled=yes\\ninterface=eth0\\n")
+            service(operator, "ddxdecode", "enabled=yes\\ninterface=eth0\\n")
             operator.wait_until("cat /proc/net/udp* | grep -q ':1F40 '")  # port 8000 is open before anything is sent
             network(robot, "10.0.0.1")
             service(robot, "ddxvideosend", "enabled=yes\\ncodec=mpeg4\\ninterface=eth0\\n")
@@ -86,7 +86,7 @@ def test_a_stream_through_a_lossy_network(boot: qemu.Boot, work: pathlib.Path, c
             robot.sh("/etc/init.d/S*ddxvideosend stop")
             sent = packets(robot, stream.SEND)
             arrive(operator, segment)
-            operator.sh("/etc/init.d/S*decode stop")
+            operator.sh("/etc/init.d/S*ddxdecode stop")
             received = packets(operator, stream.DECODE)
             session.stop_recorder(operator)
             ends = {one: session.end_counters(operator, one) for one in (stream.DECODE, stream.RECORDER)}

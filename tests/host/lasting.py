@@ -50,24 +50,24 @@ class Numbers:
 
 
 class End:
-    """decode at one end, and the frames it shows."""
+    """ddxdecode at one end, and the frames it shows."""
 
     def __init__(self, desk: Desk, node: Node, *options: object) -> None:
         self.desk, self.numbers = desk, Numbers(desk)
-        self.decode = desk.start("decode", "-headless", "-name", "seen", "-group", "none", *options,
+        self.decode = desk.start("ddxdecode", "-headless", "-name", "seen", "-group", "none", *options,
                                  wrapper=node.inside)
-        wait_until(lambda: "decode.packets" in desk.run("ddxctl", "list").stdout)
+        wait_until(lambda: "ddxdecode.packets" in desk.run("ddxctl", "list").stdout)
 
     def finish(self) -> tuple[Shown, dict[str, int], Counters]:
         """Return the frames shown, and the counters of packets and frames."""
-        seen = self.numbers.wait(self.desk.out("decode"))
+        seen = self.numbers.wait(self.desk.out("ddxdecode"))
         (_, packets, frames), = finish(self.decode)
         return seen, packets, frames
 
 
 @dataclasses.dataclass
 class Lasted(Outcome):
-    """The result of a stopped stream; `coded` is empty without a decode on the robot."""
+    """The result of a stopped stream; `coded` is empty without a ddxdecode on the robot."""
     before: Counts          # the link's counts when the sender was stopped
 
     def right(self, frames: int) -> int:
@@ -79,8 +79,8 @@ class Lasted(Outcome):
         return self.wrong_sums(("frames counted and seen", self.shown["out"], len(self.seen)))
 
     def wrong(self, frames: int) -> Shown:
-        """Pictures that do not show the number that decode reported. A coarse picture may show another number, but then
-        decode on the robot, which misses no packet, has the same picture."""
+        """Pictures that do not show the number that ddxdecode reported. A coarse picture may show another number, but
+        then ddxdecode on the robot, which misses no packet, has the same picture."""
         coded = dict(self.coded)
         return [(said, drawn) for said, drawn in self.seen
                 if drawn not in (None, said % frames, coded.get(said))]
@@ -129,7 +129,7 @@ class Lasting:
         self.link.lose(NOTHING, self.back)
         play(self.robot, first_frame(self.clip, self.robot.folder / "mark.y4m"), "mark")
         self.settle()
-        wait_until(lambda: all(settled(end.desk, "decode", self.robot.out("ddxvideosend")) for end in self.ends))
+        wait_until(lambda: all(settled(end.desk, "ddxdecode", self.robot.out("ddxvideosend")) for end in self.ends))
         before, seconds = self.link.counts(), time.monotonic() - self.begin
         (_, sent_packets, sent), = finish(self.sender)
         wait_until(lambda: passed_on(self.link.counts().down[0], sent_packets["wire_bytes"]))
@@ -144,7 +144,7 @@ class Lasting:
 @contextlib.contextmanager
 def lasting(folder: pathlib.Path, clip: pathlib.Path, loss: Pattern, *options: object,
             local: bool = False) -> Iterator[Lasting]:
-    """Start a stream of a clip that plays in a loop. `local`: also run a decode on the robot."""
+    """Start a stream of a clip that plays in a loop. `local`: also run a ddxdecode on the robot."""
     with Link(delay_ms=2) as link, contextlib.ExitStack() as stack:
         desks = []
         for name in ("robot", "operator"):
@@ -158,7 +158,7 @@ def lasting(folder: pathlib.Path, clip: pathlib.Path, loss: Pattern, *options: o
         for end in ends:
             stack.callback(end.numbers.end)
         stream = Lasting(link, robot, ends, clip, loss, *options)
-        wait_until(lambda: all(end.desk.out("decode") for end in ends))  # decode does not know earlier frames
+        wait_until(lambda: all(end.desk.out("ddxdecode") for end in ends))  # ddxdecode does not know earlier frames
         link.lose(loss)
         yield stream
 

@@ -32,7 +32,7 @@ def library_folder() -> pathlib.Path:
 class Desk:
     """A folder with its own store, and the programs that use it."""
 
-    def __init__(self, folder: pathlib.Path, memory: str = "64M", store: str | pathlib.Path = "store") -> None:
+    def __init__(self, folder: pathlib.Path, memory: str = "64M", store: str | pathlib.Path = "ddxstore") -> None:
         self.folder = folder
         self.environment = {**os.environ, "DDX_DIR": str(folder / "run"), "LD_LIBRARY_PATH": str(library_folder())}
         (folder / "run").mkdir()

@@ -93,7 +93,7 @@ def payloads(codec: int, frame: bytes) -> list[bytes]:
 
 
 class Source:
-    """Sends frames to decode, with continuous packet numbers."""
+    """Sends frames to ddxdecode, with continuous packet numbers."""
 
     def __init__(self, network: Network, codec: int, ssrc: int = 1) -> None:
         self.network, self.codec, self.ssrc = network, codec, ssrc

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-2.0-or-later
-"""Sender and decode in their own network: multicast uses its loopback, and nothing leaves the machine."""
+"""Sender and ddxdecode in their own network: multicast uses its loopback, and nothing leaves the machine."""
 from __future__ import annotations
 
 import base64
@@ -50,15 +50,15 @@ class Stream:
         return self.desk.start("ddxvideosend", *options, wrapper=(*self.network.inside, *wrapper))
 
     def decode(self, *options: object) -> Process:
-        """Start decode without a window, with its pictures in item `seen`; wait until it listens."""
-        process = self.desk.start("decode", "-headless", "-print", "-name", "seen", *options,
+        """Start ddxdecode without a window, with its pictures in item `seen`; wait until it listens."""
+        process = self.desk.start("ddxdecode", "-headless", "-print", "-name", "seen", *options,
                                   wrapper=self.network.inside)
-        instance = options[options.index("-instance") + 1] if "-instance" in options else "decode"
+        instance = options[options.index("-instance") + 1] if "-instance" in options else "ddxdecode"
         wait_until(lambda: f"{instance}.packets" in self.desk.run("ddxctl", "list").stdout)
         return process
 
     def record(self, clip: pathlib.Path) -> Process:
-        """Record decode's pictures into seen.y4m; plays the clip's first frame, so that item `seen` exists."""
+        """Record ddxdecode's pictures into seen.y4m; plays the clip's first frame, so that item `seen` exists."""
         short = self.folder / "short.y4m"
         header, first, *_ = clip.read_bytes().split(b"FRAME", 2)
         short.write_bytes(header + b"FRAME" + first)
@@ -81,7 +81,7 @@ class Stream:
         assert stop(loader)[0] == 0
 
     def relay(self, *words: object, seed: str = "1", offset: int = 0) -> Process:
-        """Start relay.py from port RELAYED + offset to decode's port + offset."""
+        """Start relay.py from port RELAYED + offset to ddxdecode's port + offset."""
         ports = (RELAYED + offset, PORT + offset)
         process = self.desk.start(pathlib.Path(__file__).with_name("relay.py"), *ports, seed, *words,
                                   wrapper=(*self.network.inside, "/usr/bin/python3", "-B"))
@@ -134,7 +134,7 @@ def finish(*processes: Process) -> list[tuple[list[str], dict[str, int], Counter
 
 
 def printed(lines: list[str]) -> list[int]:
-    """The frame numbers that decode printed."""
+    """The frame numbers that ddxdecode printed."""
     return [int(match[1]) for line in lines if (match := re.match(r"frame (\d+) ", line))]
 
 

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-2.0-or-later
-"""Announcements of streams (SAP): the packets on the network, and the output of `decode -list`."""
+"""Announcements of streams (SAP): the packets on the network, and the output of `ddxdecode -list`."""
 from __future__ import annotations
 
 import dataclasses
@@ -101,8 +101,8 @@ def listener(stream: Stream, group: str) -> Iterator[Listener]:
 
 
 def start_list(stream: Stream) -> Process:
-    """Start `decode -list` and wait until it has joined the groups."""
-    process = stream.desk.start("decode", "-list", "-interface", "lo", wrapper=stream.network.inside)
+    """Start `ddxdecode -list` and wait until it has joined the groups."""
+    process = stream.desk.start("ddxdecode", "-list", "-interface", "lo", wrapper=stream.network.inside)
     assert process.stdout and process.stdout.readline().split() == ["address", "port", "codec", "age", "name"]
     return process
 

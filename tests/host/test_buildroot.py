@@ -161,7 +161,7 @@ def test_desk_and_product_have_the_same_cyclonedds() -> None:
     """Linked statically into the catalog, without the parts that need OpenSSL or C++."""
     root = native.build()
     assert {"-DENABLE_SSL=OFF", "-DENABLE_SECURITY=OFF"} < set(cyclonedds.options())
-    libraries = run(["ldd", root / "usr/bin/catalog"], env=native.environment(root))
+    libraries = run(["ldd", root / "usr/bin/ddxcatalog"], env=native.environment(root))
     assert [word for word in ("ddsc", "ssl", "crypto", "stdc++") if word in libraries] == []
     assert "11.0.1" in (root / native.LIBRARIES / "pkgconfig/CycloneDDS.pc").read_text()
 

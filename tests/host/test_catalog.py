@@ -54,7 +54,7 @@ class Machine:
         self.desk.end()
 
     def start_catalog(self) -> Process:
-        catalog = self.desk.start("catalog", "-machine", self.name, "-c", "exports.conf", wrapper=self._inside)
+        catalog = self.desk.start("ddxcatalog", "-machine", self.name, "-c", "exports.conf", wrapper=self._inside)
         wait_until(lambda: self.desk.item("catalog.answer").get("writer_pid") == catalog.pid)
         return catalog
 
@@ -79,7 +79,7 @@ class Machine:
         return int(json.loads(self.desk.run("ddxctl", "show", item, "--json").stdout)["time_ns"])
 
     def counters(self) -> Counters:
-        return self.desk.stats("catalog")
+        return self.desk.stats("ddxcatalog")
 
 
 def write(writer: Process, count: int) -> None:
@@ -469,7 +469,8 @@ def test_a_machine_that_loses_its_address(machines: tuple[Machine, Machine], lin
 ])
 def test_rules_are_checked(tmp_path: pathlib.Path, text: str, message: str | None) -> None:
     (tmp_path / "exports.conf").write_text(text)
-    done = subprocess.run([ROOT / "bin/catalog", "-c", "exports.conf", "-check"], cwd=tmp_path, capture_output=True,
+    done = subprocess.run([ROOT / "bin/ddxcatalog", "-c", "exports.conf", "-check"], cwd=tmp_path, capture_output=True,
                           text=True, timeout=60, env={"LD_LIBRARY_PATH": str(library_folder())})
     assert done.returncode == (2 if message else 0) and "\x1b" not in done.stderr
-    assert done.stderr.startswith(f"catalog: {message}" if message else "") and done.stderr.count("\n") == bool(message)
+    assert done.stderr.startswith(f"ddxcatalog: {message}" if message else "")
+    assert done.stderr.count("\n") == bool(message)

@@ -231,7 +231,7 @@ def test_ros_reads_items_as_its_own_messages(begin: Begin, laptop: Laptop) -> No
 def test_an_item_that_does_not_match_its_message_is_reported(begin: Begin) -> None:
     robot = begin("item imu as=sensor_msgs/msg/Imu topic=/imu/data\n")
     put(values(robot, "imu", "IMU", "struct { struct { float x; } orientation; }"), {"orientation": {"x": 1}})
-    said = "catalog: item imu as=sensor_msgs/msg/Imu: its field orientation.x is float32, not float64\n"
+    said = "ddxcatalog: item imu as=sensor_msgs/msg/Imu: its field orientation.x is float32, not float64\n"
     wait_until(lambda: robot.desk.errors(robot.catalog) == said)
 
 

@@ -30,7 +30,7 @@ exec $drop prlimit --nofile={limit}:{limit} {store} "$@"
 def desk(tmp_path: pathlib.Path) -> Iterator[Desk]:
     """A desk with a store without root's privileges, so that the limit holds as in the appliance."""
     store = tmp_path / "store"
-    store.write_text(STORE.format(limit=LIMIT, store=ROOT / "bin/store"))
+    store.write_text(STORE.format(limit=LIMIT, store=ROOT / "bin/ddxstore"))
     store.chmod(0o755)
     desk = Desk(tmp_path, store=store)
     yield desk

@@ -36,8 +36,8 @@ def test_desktop_stays_below_its_prefix(installed: pathlib.Path) -> None:
     files = {str(path.relative_to(installed)) for path in installed.rglob("*") if path.is_file()}
     assert all(name.startswith("opt/ddx/") for name in files)
     names = {pathlib.Path(name).name for name in files}
-    assert {"store", "ddxctl", "ddxvideosave", "ddx.h", "ddxvideo.h", "libddx.so", "ddx.pc", "ddxvideo.pc", "ddx.py",
-            "ddxvideo.py", "ddxvideocalib", "ddxvideoview"} <= names
+    assert {"ddxstore", "store", "ddxctl", "ddxvideosave", "ddx.h", "ddxvideo.h", "libddx.so", "ddx.pc", "ddxvideo.pc",
+            "ddx.py", "ddxvideo.py", "ddxvideocalib", "ddxvideoview"} <= names
     entry = (installed / "opt/ddx/share/applications/ddxvideoview.desktop").read_text()
     assert "Exec=/opt/ddx/bin/ddxvideoview %f" in entry.splitlines()
     assert not [name for name in files if "init.d" in name or "default" in name]

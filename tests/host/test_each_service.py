@@ -21,9 +21,9 @@ pytestmark = pytest.mark.retry
 
 SAVE, SEND = "ddxvideosave", "ddxvideosend"
 SERVICES = tuple(tables.services())
-OTHERS = tuple(name for name in SERVICES if name != "store")
-SETTINGS = {"ddxvideoload": "loop=\n", SAVE: "segment=16\n", SEND: "interface=lo\n", "decode": "interface=lo\n",
-            "ddxvideoSVS": "calib=/test/stereo.yml\n", "catalog": "c=/test/exports.conf\n"}
+OTHERS = tuple(name for name in SERVICES if name != "ddxstore")
+SETTINGS = {"ddxvideoload": "loop=\n", SAVE: "segment=16\n", SEND: "interface=lo\n", "ddxdecode": "interface=lo\n",
+            "ddxvideoSVS": "calib=/test/stereo.yml\n", "ddxcatalog": "c=/test/exports.conf\n"}
 
 
 @pytest.fixture
@@ -61,7 +61,7 @@ def logs(robot: NativeMachine, wanted: dict[str, int]) -> str:
     return "".join(f"--- {name}\n{robot.sh(f'ddxctl logs {name}')}" for name in [*wrong, "ddxhealth"])
 
 
-@pytest.mark.parametrize("names", [OTHERS, ("store",)], ids=["all-but-store", "store"])
+@pytest.mark.parametrize("names", [OTHERS, ("ddxstore",)], ids=["all-but-store", "store"])
 def test_a_service_that_dies_repeatedly_is_delayed_and_reported(robot: NativeMachine, names: tuple[str, ...]) -> None:
     robot.sh(crash_loop.at_once(names))
     screen = robot.run("ddxctl health")[1]
@@ -71,7 +71,7 @@ def test_a_service_that_dies_repeatedly_is_delayed_and_reported(robot: NativeMac
         assert f"! service    {name} had to be started again, {crash_loop.KILLS} times; ddxctl logs {name}" in screen
         assert "state=died" in robot.sh(crash_loop.status(name))
         robot.wait_until(f"ddxctl status {name} | grep -q state=running")
-    for name in (SAVE, "decode"):
+    for name in (SAVE, "ddxdecode"):
         before = frames(robot, name)
         wait_until(lambda: frames(robot, name) > before)
     wanted = {name: crash_loop.KILLS if name in names else 0 for name in SERVICES}
@@ -81,9 +81,9 @@ def test_a_service_that_dies_repeatedly_is_delayed_and_reported(robot: NativeMac
 def test_services_that_hang_are_replaced_and_counted(robot: NativeMachine) -> None:
     """All except ddxhealth; the store separately, since it hides the others' signs of life."""
     hung = tuple(name for name in OTHERS if name != "ddxhealth")
-    for names in (hung, ("store",)):
+    for names in (hung, ("ddxstore",)):
         for name in names:
-            robot.wait_until(f"ddxctl stats --json | grep -q '\"instance\":\"{name}\"' || [ {name} = store ]")
+            robot.wait_until(f"ddxctl stats --json | grep -q '\"instance\":\"{name}\"' || [ {name} = ddxstore ]")
         pids = {name: robot.sh(f"cat /run/service/{name}/supervise/pid") for name in names}
         begin = time.monotonic()
         robot.sh(f"pids='{' '.join(pids.values())}'; "
@@ -102,11 +102,11 @@ def test_a_worker_of_the_store_that_hangs_is_replaced(robot: NativeMachine) -> N
     """It is replaced before any client gives up: no service stops, the store is not restarted, and no recorded frame
     is lost."""
     wait_until(lambda: frames(robot, SAVE) > 0)
-    pid = robot.sh("cat /run/service/store/supervise/pid")
+    pid = robot.sh("cat /run/service/ddxstore/supervise/pid")
     worker = robot.sh(f"pgrep -P {pid}")
     robot.sh(f"kill -STOP {worker}; ddxctl list")
-    assert robot.sh("cat /run/service/store/supervise/pid") == pid != robot.sh(f"pgrep -P {pid}") != worker
-    for name in (SAVE, "decode"):
+    assert robot.sh("cat /run/service/ddxstore/supervise/pid") == pid != robot.sh(f"pgrep -P {pid}") != worker
+    for name in (SAVE, "ddxdecode"):
         before = frames(robot, name)
         wait_until(lambda: frames(robot, name) > before)
     wanted = dict.fromkeys(SERVICES, 0)

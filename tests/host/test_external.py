@@ -158,7 +158,7 @@ def spoil(mine: pathlib.Path, name: str, text: str) -> None:
     ("package/blink/programs.txt", ". S70blink blink 902 a lamp\n",
      r"mine/package/blink/programs.txt: the number 902 is in .*/ddxvideo/programs.txt already"),
     ("package/blink/programs.txt", ". S70blink ddxload 950 a lamp\n", "the user ddxload is in"),
-    ("package/blink/programs.txt", ". S70decode blink 950 a lamp\n", "the service decode is in"),
+    ("package/blink/programs.txt", ". S70ddxdecode blink 950 a lamp\n", "the service ddxdecode is in"),
     ("package/blink/programs.txt", ". S70blink blink\n",
      r"blink/programs.txt: '. S70blink blink': needed are folder, init script"),
     ("package/blink/programs.txt", ". S70blink blink 0 a lamp\n", "from 901 to 999"),

@@ -331,7 +331,7 @@ def test_store_restarted(desk: Desk, clip: pathlib.Path) -> None:
     desk.store.kill()
     desk.store.wait()
     wait_until(lambda: recording_begun(desk.folder / "out.y4m", 30))
-    desk.store = desk.start("store", "-m", "64M")
+    desk.store = desk.start("ddxstore", "-m", "64M")
     wait_until(lambda: min(desk.out("ddxvideosave"), desk.out("ddxvideoload")) > 60)
     _, loaded = stop(loader)
     status, saved = stop(saver)

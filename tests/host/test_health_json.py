@@ -21,8 +21,9 @@ HEALTH = TOP / "package/ddxservice/health"
 ACTIONS = TOP / "package/ddxservice/actions"
 # Complaints whose text is not in the script `health` as a whole, and examples of them.
 VARIES = {"x is x; ddxctl logs x", "x is not mounted; x"}
-EXAMPLES = [("service", "decode is misconfigured; ddxctl logs decode"), ("disk", "/data is not mounted; see /run/log"),
-            ("service", "decode is stopped; ddxctl logs decode"), ("disk", "/rec is not mounted; it is being checked"),
+EXAMPLES = [("service", "ddxdecode is misconfigured; ddxctl logs ddxdecode"),
+            ("service", "ddxdecode is stopped; ddxctl logs ddxdecode"),
+            ("disk", "/data is not mounted; see /run/log"), ("disk", "/rec is not mounted; it is being checked"),
             ("slot", "the boot partition cannot be mounted, so a slot that cannot be booted may stay the chosen one"),
             ("disk", "/data cannot be used; settings are those of their copy on /rec"),
             ("disk", "settings have no copy: /rec/.ddx/settings cannot be written"),

@@ -138,12 +138,12 @@ def wide_bars(stream: Stream) -> pathlib.Path:
 
 @pytest.mark.parametrize("layout", LAYOUTS)
 def test_sent_pictures_keep_their_colours(stream: Stream, layout: str) -> None:
-    """decode's pictures have the colours of the item."""
+    """ddxdecode's pictures have the colours of the item."""
     send = stream.send("-wire", 2000, "-codec", "mpeg4")
     decode = stream.decode()
     wait_until(lambda: stream.desk.item("video") is not None and send.poll() is None)
     load(stream.desk, wide_bars(stream), layout, "-readers", 1)
-    wait_until(lambda: stream.desk.out("decode") > 0)
+    wait_until(lambda: stream.desk.out("ddxdecode") > 0)
     assert stream.desk.run("ddxvideosnap", "-name", "seen", "seen.ppm").returncode == 0
     found = bars_of(ppm(stream.folder / "seen.ppm"), 0, 96)
     right = numpy.array([[76] * 3, [150] * 3, [29] * 3]) if "GREY" in layout else numpy.eye(3) * 255
@@ -165,7 +165,7 @@ def test_decode_converts(stream: Stream, pixels: str) -> None:
     decode, source = stream.decode("-group", "none"), Source(stream.network, H264)
     frames = encode(H264, 3, "64x48", pixels)
     source.send(frames)
-    wait_until(lambda: stream.desk.out("decode") == len(frames))
+    wait_until(lambda: stream.desk.out("ddxdecode") == len(frames))
     assert stream.desk.run("ddxvideosnap", "-name", "seen", "seen.ppm").returncode == 0
     assert ppm(stream.folder / "seen.ppm").std() > 30
     finish(decode)

@@ -19,7 +19,7 @@ PROGRAMS = {
     "package/ddxvideo/play/player.c": "`ddxvideoplay`",
     "package/ddxvideo/save/recorder.c": "`ddxvideosave`",
     "package/ddxvideo/stereo/main.c": "`ddxvideoSVS`",
-    "package/ddxvideo/stream/receive/viewer.h": "`decode`, `ddxvideoview -port`",
+    "package/ddxvideo/stream/receive/viewer.h": "`ddxdecode`, `ddxvideoview -port`",
     "package/ddxvideo/stream/send/sender.c": "`ddxvideosend`",
 }
 

@@ -59,7 +59,7 @@ def shown(pages: pathlib.Path, page: str) -> str:
 
 def test_each_program_has_a_page(pages: pathlib.Path) -> None:
     names = programs()
-    assert {"store", "ddxctl", "ddxlog", "catalog", "decode", "ddxvideo1394", "ddxvideocalib"} <= names
+    assert {"ddxstore", "ddxctl", "ddxlog", "ddxcatalog", "ddxdecode", "ddxvideo1394", "ddxvideocalib"} <= names
     assert names <= {path.stem for path in (pages / "man1").iterdir()}
 
 
@@ -80,7 +80,7 @@ def test_troff_finds_no_fault(pages: pathlib.Path) -> None:
 def test_each_page_has_a_name_for_apropos(pages: pathlib.Path) -> None:
     for path in pages.rglob("*.[13]"):
         text = path.read_text()
-        assert text.startswith(".so man3/") or re.search(rf"^\.SH NAME\n{path.stem}.* \\- \S.+$", text, re.MULTILINE)
+        assert text.startswith(".so man") or re.search(rf"^\.SH NAME\n{path.stem}.* \\- \S.+$", text, re.MULTILINE)
 
 
 def test_each_option_is_in_the_page(pages: pathlib.Path) -> None:

@@ -13,7 +13,7 @@ from .programs import ROOT, Desk, library_folder, make_clip, wait_until
 
 pytestmark = pytest.mark.retry
 
-LOADER, SAVER, SENDER, DECODE = "ddxvideoload", "ddxvideosave", "ddxvideosend", "decode"
+LOADER, SAVER, SENDER, DECODE = "ddxvideoload", "ddxvideosave", "ddxvideosend", "ddxdecode"
 SNAP, VIEW, SVS = "ddxvideosnap", "ddxvideoview", "ddxvideoSVS"
 
 
@@ -89,8 +89,8 @@ def test_help(program: str, option: str) -> None:
     (SVS, ["-left", "same", "-right", "same"], "-left and -right are the same item"),
     (SVS, ["-from", "video", "-right", "right"], "-from is one item with both eyes"),
     (SVS, ["-name", "n" * 54], "a name of at most 53 bytes"),
-    ("catalog", ["-machine", "a.b"], "-machine a.b: a name of 1 to 32 letters"),
-    ("catalog", ["-c", "/nonexistent/exports.conf"], "/nonexistent/exports.conf: No such file"),
+    ("ddxcatalog", ["-machine", "a.b"], "-machine a.b: a name of 1 to 32 letters"),
+    ("ddxcatalog", ["-c", "/nonexistent/exports.conf"], "/nonexistent/exports.conf: No such file"),
 ])
 def test_bad_usage(program: str, arguments: list[str], text: str) -> None:
     result = run(program, *arguments)
@@ -155,7 +155,7 @@ def check_refused(clip: pathlib.Path, text: str) -> None:
 
 @pytest.mark.parametrize("program", [
     LOADER, SAVER, SENDER, DECODE, SNAP, VIEW, "ddxvideoV4L", "ddxvideo1394", "ddxvideoplay", "ddxhealth", "ddxlog",
-    "catalog", "store", "ddxctl", "ddxrecordings", "../sbin/ddxgrow"])
+    "ddxcatalog", "ddxstore", "ddxctl", "ddxrecordings", "../sbin/ddxgrow"])
 def test_version(program: str) -> None:
     result = run(program, "-version")
     assert result.returncode == 0 and not result.stderr
@@ -199,7 +199,7 @@ def test_bad_words_to_ddxvideoplay(arguments: list[str], needed: str) -> None:
 
 
 def test_a_wrong_port_of_the_store(tmp_path: pathlib.Path) -> None:
-    result = subprocess.run([ROOT / "bin/store", "-port", "2005abc"], capture_output=True, text=True, timeout=20,
+    result = subprocess.run([ROOT / "bin/ddxstore", "-port", "2005abc"], capture_output=True, text=True, timeout=20,
                             env={"DDX_DIR": str(tmp_path)})
     assert result.returncode == 2 and "2005abc: not a port" in result.stderr
 

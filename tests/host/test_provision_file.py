@@ -18,14 +18,14 @@ KEY = "ssh-ed25519 AAAAC3NzaC1lZDI1NTE5AAAAIBkvAbcd+/9 someone@there"
 def defaults(tmp_path_factory: pytest.TempPathFactory) -> pathlib.Path:
     build.dev([native.build()])
     folder = tmp_path_factory.mktemp("defaults")
-    for name in ("store", "ddxvideosend"):
+    for name in ("ddxstore", "ddxvideosend"):
         (folder / name).write_text("enabled=yes\n")
     return folder
 
 
 def read(defaults: pathlib.Path, text: str | bytes) -> tuple[list[str], list[str]]:
     command = [str(OUTPUT / "dev/root/bin/busybox"), "awk", "-v", f"defaults={defaults}",
-               "-v", "services=store ddxvideosend", "-f", str(TOP / "overlay/usr/libexec/ddx/provision.awk")]
+               "-v", "services=ddxstore ddxvideosend", "-f", str(TOP / "overlay/usr/libexec/ddx/provision.awk")]
     done = subprocess.run(command, input=text.encode() if isinstance(text, str) else text, capture_output=True,
                           check=True)
     return done.stdout.decode().splitlines(), done.stderr.decode().splitlines()
@@ -34,9 +34,13 @@ def read(defaults: pathlib.Path, text: str | bytes) -> tuple[list[str], list[str
 @pytest.mark.parametrize("line", [
     "hostname=robot1", "console=open", "console=closed", f"ssh_key={KEY}", "network=eth0 dhcp",
     "network=enp3s0 192.168.1.5/24", "network=eth1 192.168.1.5/24 192.168.1.1", "dns=192.168.1.1 10.0.0.1",
-    "ntp=pool.ntp.org 192.168.1.1", "service=ddxvideosend on", "service=store off", "test=yes", "test=no"])
+    "ntp=pool.ntp.org 192.168.1.1", "service=ddxvideosend on", "service=ddxstore off", "test=yes", "test=no"])
 def test_a_valid_line_is_taken(defaults: pathlib.Path, line: str) -> None:
     assert read(defaults, line + "\n") == ([line], [])
+
+
+def test_a_name_before_release_0_3_0_is_the_service_of_today(defaults: pathlib.Path) -> None:
+    assert read(defaults, "service=store off\n") == (["service=ddxstore off"], [])
 
 
 def shown(line: str) -> str:
@@ -59,8 +63,8 @@ def shown(line: str) -> str:
     ("network=eth0 dhcp 192.168.1.1", "dhcp is needed"), ("network=../x dhcp", "an interface"),
     ("dns=name", "an address"),
     ("dns=", "an address is needed"), ("ntp=-p", "host's name"), ("ntp=$(reboot)", "host's name"),
-    ("service=store", "on or off"), ("test=1", "yes or no"),
-    ("service=stor on", "there is no service 'stor'; there are: store ddxvideosend"),
+    ("service=ddxstore", "on or off"), ("test=1", "yes or no"),
+    ("service=stor on", "there is no service 'stor'; there are: ddxstore ddxvideosend"),
     ("service=../etc/passwd on", "there is no service"), ("country=de", "two capital letters"),
     ("country=DEU", "two capital letters"), ("wfi=hall secret123", "not a key"), ("wifi hall secret123", "key=value")])
 def test_a_wrong_line_is_reported_and_left_out(defaults: pathlib.Path, line: str, says: str) -> None:

@@ -93,13 +93,13 @@ def test_a_stream_is_judged_by_the_recording_of_the_same_time() -> None:
 
 
 def test_pictures_missed_by_decode_are_found(clip: pathlib.Path) -> None:
-    good = stream.judge(clip, clip, counters("send", 4), counters("decode", 4), counters("save", 4))
+    good = stream.judge(clip, clip, counters("send", 4), counters("ddxdecode", 4), counters("save", 4))
     assert len(good.shown) == 4 and not good.disagreements
-    bad = stream.judge(clip, clip, counters("send", 5), counters("decode", 4), counters("save", 3))
+    bad = stream.judge(clip, clip, counters("send", 5), counters("ddxdecode", 4), counters("save", 3))
     assert len(bad.disagreements) == 2
 
 
-COUNT, AFTER = 40, 3  # pictures of a clip without numbers; decode starts with the fourth
+COUNT, AFTER = 40, 3  # pictures of a clip without numbers; ddxdecode starts with the fourth
 Pictures = list[NDArray[numpy.uint8]]
 
 
@@ -130,7 +130,7 @@ def unnumbered(path: pathlib.Path, pictures: Pictures, begin: int) -> pathlib.Pa
 def streamed(folder: pathlib.Path, source: Pictures, seen: Pictures) -> stream.Result:
     recorded = unnumbered(folder / "recorded.y4m", source, 0)
     shown_file = unnumbered(folder / "shown.y4m", seen, AFTER)
-    found = stream.judge(shown_file, recorded, counters("send", len(seen)), counters("decode", len(seen)),
+    found = stream.judge(shown_file, recorded, counters("send", len(seen)), counters("ddxdecode", len(seen)),
                          counters("save", len(seen)))
     assert not found.disagreements and found.likeness
     return found

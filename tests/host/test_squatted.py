@@ -89,16 +89,16 @@ def test_an_item_with_the_name_of_counters_but_another_type(desk: Desk, squat: S
 
 
 def test_a_stream(stream: Stream, squat: Squat) -> None:
-    squat(stream.desk, "decode.stats", "decode.packets", "ddxvideosend.stats", "ddxvideosend.packets")
+    squat(stream.desk, "ddxdecode.stats", "ddxdecode.packets", "ddxvideosend.stats", "ddxvideosend.packets")
     clip = numbered_clip.write(stream.folder / "clip.y4m", 1)
     clip.write_bytes(b"FRAME".join(clip.read_bytes().split(b"FRAME")[:11]))
     decode = stream.decode()
-    without(stream.desk, decode, "decode.packets")
+    without(stream.desk, decode, "ddxdecode.packets")
     sender = stream.send()
     stream.play(clip, "-rate", "0.5")
     (_, _, sent), (_, _, shown) = finish(sender, decode)
     assert sent["in"] == sent["out"] == shown["in"] == shown["out"] == 10
-    for program, process in ("decode", decode), ("ddxvideosend", sender):
+    for program, process in ("ddxdecode", decode), ("ddxvideosend", sender):
         without(stream.desk, process, f"{program}.stats")
         without(stream.desk, process, f"{program}.packets")
 

@@ -54,13 +54,13 @@ def test_word_sizes_share_a_store(writer: str, readers: str, store: str) -> None
     assert b"ELF 32-bit" in subprocess.run(["file", program["m32"]], capture_output=True, check=True).stdout
     done = subprocess.run([program[writer]], capture_output=True, text=True, timeout=120, check=False,
                           env={**os.environ, "DDX_OTHER_PROGRAM": str(program[readers]),
-                               "DDX_STORE_PROGRAM": str(native.built(store, "ddx") / "store")})
+                               "DDX_STORE_PROGRAM": str(native.built(store, "ddx") / "ddxstore")})
     assert done.returncode == 0, done.stderr
 
 
 def test_installed_programs_have_no_fault_injection() -> None:
     """The points where tests kill a program (lib/fault.h) are only in the builds for tests."""
-    installed = [library_folder() / "libddx.so", ROOT / "bin/store", ROOT / "bin/ddxctl"]
+    installed = [library_folder() / "libddx.so", ROOT / "bin/ddxstore", ROOT / "bin/ddxctl"]
     for name in (b"ddx_fault", b"DDX_FAULT", b"writer.published"):
         assert name in (BUILT / "desk/ddx/tests/store-with-faults").read_bytes()
         assert [path for path in installed if name in path.read_bytes()] == []
@@ -150,14 +150,14 @@ def test_help_lists_all_commands() -> None:
 
 
 @pytest.mark.parametrize("arguments, status, text", [
-    (["-m", "8Q"], 2, "store: -m 8Q: not a size"),
-    (["-m"], 2, "store: -m: needs a value"),
-    (["--port", "70000"], 2, "store: -port 70000: not a port"),
-    (["nonsense"], 2, "store: nonsense: unexpected"),
-    ([], 1, "store: a store runs at port 2005 already"),
+    (["-m", "8Q"], 2, "ddxstore: -m 8Q: not a size"),
+    (["-m"], 2, "ddxstore: -m: needs a value"),
+    (["--port", "70000"], 2, "ddxstore: -port 70000: not a port"),
+    (["nonsense"], 2, "ddxstore: nonsense: unexpected"),
+    ([], 1, "ddxstore: a store runs at port 2005 already"),
 ])
 def test_store_reports_errors_in_one_line(desk: Desk, arguments: list[str], status: int, text: str) -> None:
-    done = desk.run("store", *arguments)
+    done = desk.run("ddxstore", *arguments)
     assert done.returncode == status
     assert done.stderr.startswith(text) and done.stderr.count("\n") == 1
 
@@ -165,7 +165,7 @@ def test_store_reports_errors_in_one_line(desk: Desk, arguments: list[str], stat
 def test_store_prints_its_counters(desk: Desk) -> None:
     status, counters = stop(desk.store)
     assert status == 0
-    assert counters["instance"] == "store" and counters["budget"] == 64 << 20
+    assert counters["instance"] == "ddxstore" and counters["budget"] == 64 << 20
 
 
 def test_a_budget_that_is_too_small(tmp_path: pathlib.Path) -> None:
@@ -173,7 +173,7 @@ def test_a_budget_that_is_too_small(tmp_path: pathlib.Path) -> None:
     try:
         done = desk.run(BUILT / "desk/ddx/tests/test-example", "write")
         assert done.returncode == 1
-        assert done.stderr == "position: the store's memory budget is used up; give it more with: store -m\n"
+        assert done.stderr == "position: the store's memory budget is used up; give it more with: ddxstore -m\n"
     finally:
         desk.end()
 
@@ -182,7 +182,7 @@ def test_a_budget_that_is_too_small(tmp_path: pathlib.Path) -> None:
 def guarded(tmp_path: pathlib.Path) -> Iterator[Desk]:
     """A store with AddressSanitizer."""
     built("address")
-    desk = Desk(tmp_path, store=native.built("address", "ddx") / "store")
+    desk = Desk(tmp_path, store=native.built("address", "ddx") / "ddxstore")
     yield desk
     desk.end()
 

@@ -26,7 +26,7 @@ def run(*arguments: str) -> str:
     """
     done = subprocess.run([*MORTAL, TESTS / "test-crash", *arguments], text=True, capture_output=True, check=False,
                           timeout=1800, env={**os.environ, "DDX_STORE_PROGRAM": str(TESTS / "store-with-faults")})
-    said = "\n".join(line for line in done.stderr.splitlines() if not line.startswith("store:"))
+    said = "\n".join(line for line in done.stderr.splitlines() if not line.startswith("ddxstore:"))
     assert done.returncode == 0, f"test-crash {' '.join(arguments)}: {said}"
     return next((line for line in done.stdout.splitlines() if line.startswith('{"kills"')), "")
 

@@ -63,7 +63,7 @@ def test_frames_and_packets_waiting_at_the_end_are_counted(stream: Stream, clip:
     sender = stream.send(wrapper=("env", f"LD_PRELOAD={preload('last_act', stream.folder)}", "LAST_ACT=written",
                                   "LAST_CALL=1", f"LAST_SIGNAL={signal.SIGSTOP.value}"))
     stream.play(clip)
-    wait_until(lambda: stream.desk.out("decode") == 1)
+    wait_until(lambda: stream.desk.out("ddxdecode") == 1)
     results = []
     send_signal(decode, signal.SIGSTOP)
     for process in (sender, decode):
@@ -78,8 +78,8 @@ def test_frames_and_packets_waiting_at_the_end_are_counted(stream: Stream, clip:
 
 
 def test_a_store_that_hangs(stream: Stream, clip: pathlib.Path) -> None:
-    """It hangs at the first picture: decode continues, counts the pictures that could not be stored, and then shows the
-    rest."""
+    """It hangs at the first picture: ddxdecode continues, counts the pictures that could not be stored, and then shows
+    the rest."""
     decode, sender = stream.decode(), stream.send(*TO_RELAY)
     loader = stream.desk.start("ddxvideoload", clip, "-loop", "-readers", "1")
     wait_until(lambda: stream.desk.out("ddxvideosend") > 2)
@@ -87,7 +87,7 @@ def test_a_store_that_hangs(stream: Stream, clip: pathlib.Path) -> None:
     relay = stream.relay()
     wait_until(lambda: "seen: the store does not answer; trying again" in stream.desk.errors(decode))
     send_signal(stream.desk.store, signal.SIGCONT)
-    wait_until(lambda: stream.desk.out("decode") > 10)
+    wait_until(lambda: stream.desk.out("ddxdecode") > 10)
     assert stop(loader)[0] == 0
     (_, _, sent), (lines, _, shown) = finish(sender, decode)
     relay.terminate()

@@ -18,9 +18,9 @@ ONE_SECOND = 1
 
 
 def start_decode(stream: Stream, name: str, *options: object) -> Process:
-    """Start a decode that records the stream."""
-    process = stream.desk.start("decode", "-headless", "-print", "-instance", name, "-record", f"{name}.mkv", *options,
-                                wrapper=stream.network.inside)
+    """Start a ddxdecode that records the stream."""
+    process = stream.desk.start("ddxdecode", "-headless", "-print", "-instance", name, "-record", f"{name}.mkv",
+                                *options, wrapper=stream.network.inside)
     wait_until(lambda: f"{name}.packets" in stream.desk.run("ddxctl", "list").stdout)
     return process
 

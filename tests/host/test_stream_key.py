@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-2.0-or-later
-"""Encrypted streams: only decode with the same key shows pictures; others report why they do not."""
+"""Encrypted streams: only ddxdecode with the same key shows pictures; others report why they do not."""
 from __future__ import annotations
 
 import base64
@@ -17,7 +17,7 @@ from .stream import PORT, RELAYED, TO_RELAY, Stream, finish, make_key, printed, 
 pytestmark = pytest.mark.strict
 
 FRAMES = numbered_clip.RATE
-# Receivers: port, key, and decode's message.
+# Receivers: port, key, and ddxdecode's message.
 RECEIVERS = {"wrong": (8010, "other.key", "it is encrypted with another key than that of -key other.key"),
              "missing": (8020, "", "it is encrypted; give its key: -key FILE"),
              "plain": (8030, "stream.key", "it is not encrypted, unlike -key stream.key")}
@@ -86,16 +86,16 @@ def test_only_a_receiver_with_the_key_shows_pictures(keyed: Stream, clip: pathli
 
 def test_lost_and_changed_packets_are_restored(keyed: Stream, clip: pathlib.Path) -> None:
     """A packet changed on its way is refused, and restored like a lost one."""
-    show = decode(keyed, "decode", PORT, "stream.key")
+    show = decode(keyed, "ddxdecode", PORT, "stream.key")
     relay, repair = keyed.relay("drop=15", "damage=15"), keyed.relay(offset=2)
     sender = keyed.send("-key", "stream.key", *TO_RELAY)
     loader = keyed.desk.start("ddxvideoload", clip, "-loop", "-readers", "1")
-    wait_until(lambda: keyed.desk.out("decode") > 0)
+    wait_until(lambda: keyed.desk.out("ddxdecode") > 0)
     turn(relay, "bad")
-    wait_until(lambda: keyed.packets("decode").get("restored", 0) > 10)
+    wait_until(lambda: keyed.packets("ddxdecode").get("restored", 0) > 10)
     turn(relay, "good")
     assert stop(loader)[0] == 0
-    wait_until(lambda: keyed.desk.out("decode") == keyed.desk.out("ddxvideosend"))
+    wait_until(lambda: keyed.desk.out("ddxdecode") == keyed.desk.out("ddxvideosend"))
     (_, _, sent), (lines, packets, shown) = finish(sender, show)
     for one in (relay, repair):
         one.terminate()
@@ -109,7 +109,7 @@ def test_invalid_keys_are_refused(keyed: Stream) -> None:
     make_key(keyed.folder / "open.key", 0o644)
     (keyed.folder / "empty.key").touch(0o600)
     (keyed.folder / "link.key").symlink_to("stream.key")
-    for program in ("ddxvideosend", "decode"):
+    for program in ("ddxvideosend", "ddxdecode"):
         for name in ("open.key", "empty.key", "link.key", "absent.key"):
             done = keyed.desk.run(program, "-key", name)
             assert done.returncode == 2 and done.stderr.startswith(f"{program}: -key {name}: ")

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-2.0-or-later
-"""A bad network: decode counts exactly the relay's faults, and good pictures come back."""
+"""A bad network: ddxdecode counts exactly the relay's faults, and good pictures come back."""
 from __future__ import annotations
 
 import json
@@ -18,7 +18,7 @@ pytestmark = pytest.mark.strict
 
 SECONDS = 4
 FRAMES = SECONDS * numbered_clip.RATE
-# Frames until pictures are whole again on decode's request: for H.264 the current renewal and one more; for MPEG-4 a
+# Frames until pictures are whole again on ddxdecode's request: for H.264 the current renewal and one more; for MPEG-4 a
 # key frame, at most one a second. Includes half a second for a report on a busy machine.
 BUSY = numbered_clip.RATE // 2
 RECOVERY = {"h264": 2 * 22 + BUSY, "mpeg4": numbered_clip.RATE + BUSY}
@@ -42,7 +42,7 @@ def end_relay(relay: Process) -> Counters:
 def through_relay(stream: Stream, clip: pathlib.Path, codec: str, words: list[str],
                   *options: object) -> tuple[Counters, Counters, dict[str, int], Counters, list[int]]:
     """Play the clip through a bad network, then through a good one. Returns the relay's faults, the sender's frame
-    counters, and decode's packet counters, frame counters and printed numbers."""
+    counters, and ddxdecode's packet counters, frame counters and printed numbers."""
     decode = stream.decode("-group", "none", *options)
     relay = stream.relay(*words)  # of the media port only: repair packets are lost
     sender = stream.send("-codec", codec, "-wire", 2000, "-bitrate", 1200, "-repair", "off", *TO_RELAY)
@@ -65,7 +65,7 @@ def last_playing(numbers: list[int]) -> list[int]:
 
 
 def disagreements(did: Counters, packets: dict[str, int]) -> list[str]:
-    """Differences between decode's counters and the relay's faults."""
+    """Differences between ddxdecode's counters and the relay's faults."""
     pairs = {"drop": packets["lost"] - packets["late"], "duplicate": packets["duplicate"],
              "foreign": packets["foreign"], "garbage": packets["garbage"]}
     found = [f"{name}: {did[name]}, counted {count}" for name, count in pairs.items() if did[name] != count]
@@ -104,13 +104,13 @@ def test_a_wrong_count_is_found(stream: Stream, clip: pathlib.Path) -> None:
 
 @pytest.mark.parametrize("codec", ["h264", "mpeg4"])
 def test_a_restarted_sender_is_followed(stream: Stream, short: pathlib.Path, codec: str) -> None:
-    """A new sender has another SSRC and other numbers; decode goes on with its first frame."""
+    """A new sender has another SSRC and other numbers; ddxdecode goes on with its first frame."""
     decode, total = stream.decode(), 0
     for number, kill in enumerate([signal.SIGKILL, signal.SIGTERM, signal.SIGTERM]):
         sender = stream.send("-codec", codec)
         stream.play(short, "-rate", "0.5", "-instance", f"load{number}")
-        wait_until(lambda: stream.packets("decode")["used"] == total + stream.packets("ddxvideosend")["packets"])
-        total = stream.packets("decode")["used"]
+        wait_until(lambda: stream.packets("ddxdecode")["used"] == total + stream.packets("ddxvideosend")["packets"])
+        total = stream.packets("ddxdecode")["used"]
         sender.send_signal(kill)
         sender.communicate()
         time.sleep(0.5)
@@ -144,18 +144,18 @@ def test_joining_late(stream: Stream, clip: pathlib.Path, codec: str) -> None:
     loader = stream.desk.start("ddxvideoload", clip, "-loop", "-readers", 1)
     wait_until(lambda: stream.packets("ddxvideosend").get("packets", 0) > numbered_clip.RATE, 60)
     decode = stream.decode()
-    wait_until(lambda: int(stream.desk.stats("decode")["out"]) > 40, 60)
+    wait_until(lambda: int(stream.desk.stats("ddxdecode")["out"]) > 40, 60)
     loader.terminate()
     loader.wait()
     (_, _, sent), (lines, packets, shown) = finish(sender, decode)
     assert packets["lost"] == 0 == shown["lost"]["decode"]
-    assert shown["lost"]["network"] <= 1  # the frame on its way when decode started
+    assert shown["lost"]["network"] <= 1  # the frame on its way when ddxdecode started
     assert 0 < shown["lost"]["join"] <= RECOVERY[codec]
 
 
 def test_packet_counters_are_in_the_store(stream: Stream) -> None:
     stream.decode()
-    names = stream.packets("decode")
+    names = stream.packets("ddxdecode")
     assert {"received", "used", "lost", "late", "duplicate", "reordered", "foreign", "garbage"} <= set(names)
     assert json.dumps(names)
 
@@ -165,7 +165,7 @@ def test_a_gap_at_the_end(stream: Stream, short: pathlib.Path) -> None:
     decode, relay = stream.decode("-group", "none", "-reorder", "1000"), stream.relay("drop=100")
     sender = stream.send(*TO_RELAY)
     stream.play(short)
-    wait_until(lambda: 0 < stream.desk.out("ddxvideosend") == stream.desk.out("decode"))
+    wait_until(lambda: 0 < stream.desk.out("ddxvideosend") == stream.desk.out("ddxdecode"))
     send_signal(decode, signal.SIGSTOP)
     turn(relay, "bad")
     stream.play_frames(short, 1)

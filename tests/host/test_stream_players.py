@@ -123,9 +123,9 @@ def test_ffplay(sent: Stream) -> None:
 
 
 def test_decode_window(sent: Stream) -> None:
-    """decode's window on the same screen."""
+    """ddxdecode's window on the same screen."""
     process = subprocess.Popen([*MORTAL, *sent.network.inside, "env", *(f"{k}={v}" for k, v in SCREEN.items()),
-                                ROOT / "bin/decode", "-instance", "window"], cwd=sent.folder,
+                                ROOT / "bin/ddxdecode", "-instance", "window"], cwd=sent.folder,
                                env=sent.desk.environment, stdout=subprocess.PIPE)
     assert follows(watch_window(process, sent.folder), 25)
     assert process.returncode == 0
@@ -148,25 +148,25 @@ def test_gstreamer(sent: Stream) -> None:
 @pytest.mark.parametrize("driver, why", [
     ("none", ""), (None, "neither DISPLAY nor WAYLAND_DISPLAY is set")])
 def test_without_sdl(desk: Desk, driver: str | None, why: str) -> None:
-    """Without a screen, as in the image, decode reports it in one line and receives the stream."""
+    """Without a screen, as in the image, ddxdecode reports it in one line and receives the stream."""
     environment = {key: value for key, value in desk.environment.items()
                    if key not in ("DISPLAY", "WAYLAND_DISPLAY", "XDG_RUNTIME_DIR")}
-    process = subprocess.Popen([*MORTAL, ROOT / "bin/decode", "-group", "none"], stdout=subprocess.PIPE,
+    process = subprocess.Popen([*MORTAL, ROOT / "bin/ddxdecode", "-group", "none"], stdout=subprocess.PIPE,
                                env={**environment, **({"SDL_VIDEODRIVER": driver} if driver else {})},
                                stderr=subprocess.PIPE, text=True)
-    assert process.stderr and process.stderr.readline().startswith(f"decode: no window is shown: {why}")
+    assert process.stderr and process.stderr.readline().startswith(f"ddxdecode: no window is shown: {why}")
     process.terminate()
     out, more = process.communicate(timeout=60)
-    assert process.returncode == 0 and '"instance":"decode"' in out and not more
+    assert process.returncode == 0 and '"instance":"ddxdecode"' in out and not more
 
 
 def test_a_network_without_a_default_route(stream: Stream, clip: pathlib.Path) -> None:
-    """Sender, decode and its list name the option that is missing."""
+    """Sender, ddxdecode and its list name the option that is missing."""
     subprocess.run([*stream.network.inside, "ip", "route", "flush", "224.0.0.0/4"], check=True)
     sender, decode = stream.send(), stream.decode()
     stream.play(clip, "-rate", "0")
     for process in (sender, decode):
         wait_until(lambda: "name the network's interface: -interface" in stream.desk.errors(process))
     subprocess.run([*stream.network.inside, "ip", "link", "set", "lo", "down"], check=True)  # no route of IPv6 either
-    listed = stream.desk.start("decode", "-list", wrapper=stream.network.inside)
+    listed = stream.desk.start("ddxdecode", "-list", wrapper=stream.network.inside)
     assert listed.wait(60) == 1 and "-interface" in stream.desk.errors(listed)

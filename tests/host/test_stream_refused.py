@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-2.0-or-later
-"""Streams that cannot be shown: each frame is counted, one line reports why, and decode goes on."""
+"""Streams that cannot be shown: each frame is counted, one line reports why, and ddxdecode goes on."""
 from __future__ import annotations
 
 import pathlib
@@ -40,8 +40,8 @@ def test_decode_goes_on_after_streams_that_cannot_be_shown(stream: Stream, codec
         source.send(frames)
         refused += len(frames)
         source.send(good)
-        wait_until(lambda: int(stream.desk.stats("decode")["in"]) == source.sent)
-        counters = stream.desk.stats("decode")
+        wait_until(lambda: int(stream.desk.stats("ddxdecode")["in"]) == source.sent)
+        counters = stream.desk.stats("ddxdecode")
         assert counters["out"] == source.sent - refused
         assert counters["lost"]["decode"] == lost(counters) == refused
     assert memory_mib(decode.pid) < MOST
@@ -61,13 +61,13 @@ def test_the_store_refuses(stream: Stream, tmp_path: pathlib.Path) -> None:
     good = encode(H264, 3, "64x48")
     decode, source = stream.decode("-group", "none"), Source(stream.network, H264)
     source.send(good)
-    wait_until(lambda: int(stream.desk.stats("decode")["in"]) == 3)
-    assert stream.desk.stats("decode")["lost"]["decode"] == 3
+    wait_until(lambda: int(stream.desk.stats("ddxdecode")["in"]) == 3)
+    assert stream.desk.stats("ddxdecode")["lost"]["decode"] == 3
     assert stop(other)[0] == 0
 
     def is_shown() -> bool:
         source.send(good)
-        return stream.desk.out("decode") > 0
+        return stream.desk.out("ddxdecode") > 0
     wait_until(is_shown)
     (_, _, counters), = finish(decode)
     assert counters["in"] == source.sent == counters["out"] + counters["lost"]["decode"]
@@ -76,12 +76,12 @@ def test_the_store_refuses(stream: Stream, tmp_path: pathlib.Path) -> None:
 
 def test_a_window_limits_the_size(stream: Stream) -> None:
     """Without an item there is no store that would refuse."""
-    decode = stream.desk.start("decode", "-headless", "-group", "none", wrapper=stream.network.inside)
-    wait_until(lambda: "decode.packets" in stream.desk.run("ddxctl", "list").stdout)
+    decode = stream.desk.start("ddxdecode", "-headless", "-group", "none", wrapper=stream.network.inside)
+    wait_until(lambda: "ddxdecode.packets" in stream.desk.run("ddxctl", "list").stdout)
     source = Source(stream.network, H264)
     source.send([large_h264(16000, 16000)])
     source.send(encode(H264, 3, "64x48"))
-    wait_until(lambda: int(stream.desk.stats("decode")["in"]) == source.sent)
+    wait_until(lambda: int(stream.desk.stats("ddxdecode")["in"]) == source.sent)
     assert memory_mib(decode.pid) < MOST
     (_, _, counters), = finish(decode)
     assert counters["out"] == 3 and counters["lost"]["decode"] == 1

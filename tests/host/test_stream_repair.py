@@ -1,6 +1,6 @@
 # SPDX-License-Identifier: GPL-2.0-or-later
-"""decode and a sender that repairs: pictures shown while packets are missing, and decode's reports. The test itself is
-the sender, so that it controls each packet."""
+"""ddxdecode and a sender that repairs: pictures shown while packets are missing, and reports. The test itself is the
+sender, so that it controls each packet."""
 from __future__ import annotations
 
 import dataclasses
@@ -126,13 +126,13 @@ def last_of(robot: Robot, frame: int) -> int:
 
 def stats(stream: Stream) -> dict[str, int]:
     """The frame counters that are not 0."""
-    found = stream.desk.stats("decode")
+    found = stream.desk.stats("ddxdecode")
     return {"in": int(found["in"]), "out": int(found["out"]),
             **{name: count for name, count in found["lost"].items() if count}}
 
 
 def lose_one(stream: Stream, robot: Robot) -> None:
-    """Send all frames except a packet of frame 4; wait until decode has reported it as missing."""
+    """Send all frames except a packet of frame 4; wait until ddxdecode has reported it as missing."""
     for number in range(4):
         robot.send_frames(number, number + 1)
         wait_until(lambda: stats(stream) == {"in": number + 1, "out": number + 1})
@@ -159,15 +159,15 @@ def test_every_frame_of_a_backlog_is_in_the_item(stream: Stream, robot: Robot) -
 
 def test_the_newest_of_a_backlog_is_on_the_screen(stream: Stream, robot: Robot) -> None:
     stream.desk.environment.update(SCREEN)
-    stream.desk.start("decode", "-group", "none", wrapper=stream.network.inside)
-    wait_until(lambda: "decode.packets" in stream.desk.run("ddxctl", "list").stdout)
+    stream.desk.start("ddxdecode", "-group", "none", wrapper=stream.network.inside)
+    wait_until(lambda: "ddxdecode.packets" in stream.desk.run("ddxctl", "list").stdout)
     lose_one(stream, robot)
     robot.repair(3, 10, 1)
     wait_until(lambda: stats(stream) == {"in": 10, "out": 5, "newer": 5})
 
 
 def test_a_packet_that_is_not_restored_is_given_up(stream: Stream, robot: Robot) -> None:
-    """Nothing is shown until the picture is whole again, which decode requests."""
+    """Nothing is shown until the picture is whole again, which ddxdecode requests."""
     decode = stream.decode("-group", "none")
     robot.add(encode(H264, WINDOW + 5, "64x48")[1:])  # no key frame
     robot.send_frames(0, 4)
@@ -199,7 +199,7 @@ def test_garbage_on_both_ports(stream: Stream, robot: Robot) -> None:
     """Also: a receiver without permission to send does not send."""
     decode, noise = stream.decode("-group", "none", "-silent"), random.Random(1)
     for number in range(10):
-        for _ in range(100 if number else 0):  # decode first follows the source of the first packet
+        for _ in range(100 if number else 0):  # ddxdecode first follows the source of the first packet
             head = bytes([0x80, 96]) if noise.random() < 0.3 else b""
             robot.send(head + noise.randbytes(noise.randint(1, 1200)))
             robot.send(noise.choice([b"", robot.packets[0], b"\x81\x62"]) + noise.randbytes(800), port=REPAIR)

@@ -112,7 +112,7 @@ def test_other_senders(stream: Stream) -> None:
                "h264_metadata=tick_rate=6000000:fixed_frame_rate_flag=1", "-payload_type", "96", "-f", "rtp",
                f"rtp://127.0.0.1:{PORT}?pkt_size=1200"]
     subprocess.run([*stream.network.inside, *command], check=True, timeout=60, stdout=subprocess.DEVNULL)
-    wait_until(lambda: int(stream.desk.stats("decode")["out"]) == 50)
+    wait_until(lambda: int(stream.desk.stats("ddxdecode")["out"]) == 50)
     picture = find_numbers(json.loads(stream.desk.run("ddxctl", "show", "--json", "seen").stdout))
     assert (picture["width"], picture["rate_num"], picture["rate_den"]) == (352, 0, 0)
     (_, packets, shown), = finish(decode)

@@ -75,6 +75,29 @@ def test_a_toggle_holds_now_after_a_boot_and_in_the_other_slot(root: pathlib.Pat
         assert REAR not in services(robot)
 
 
+def test_names_of_services_before_release_0_3_0_hold(root: pathlib.Path, tmp_path: pathlib.Path) -> None:
+    """A robot that is updated keeps its settings; the files keep their names, for an older image in the other slot."""
+    (tmp_path / "data/ddx").mkdir(parents=True)
+    for name, text in (("store", "m=16M\n"), ("decode", "enabled=yes\ninterface=lo\n"),
+                       ("decode.rear", "enabled=yes\nname=rear\nport=8004\ninterface=lo\n")):
+        (tmp_path / f"data/ddx/{name}.conf").write_text(text)
+    with NativeMachine(root, tmp_path) as robot:
+        assert "-m 16M" in command(robot, "ddxstore") and "-interface lo" in command(robot, "ddxdecode")
+        assert "-instance ddxdecode.rear" in command(robot, "ddxdecode.rear")
+        assert "decode" not in services(robot) and "decode.rear" not in services(robot)
+        robot.sh("ddxctl disable decode")
+        assert services(robot)["ddxdecode"]["enabled"] is False
+        robot.sh("ddxctl remove decode.rear; ddxctl add decode.side name=side port=8008 interface=lo")
+        runs(robot, "ddxdecode.side")
+        assert robot.sh("cat /data/ddx/decode.conf") == "enabled=no\ninterface=lo"
+        assert robot.sh("ls /data/ddx") == "ddxdecode.side.conf\ndecode.conf\nstore.conf"
+        assert "decode.rear" not in str(services(robot))
+        robot.sh("echo settings | ddxctl reset settings")
+        assert robot.sh("ls /data/ddx") == ""
+        robot.wait_until("ddxctl status store | grep -q state=running")
+        assert "-m 32M" in command(robot, "ddxstore")
+
+
 def test_a_service_without_its_file_fails_and_names_it(root: pathlib.Path, tmp_path: pathlib.Path) -> None:
     with NativeMachine(root, tmp_path) as robot:
         for word in ("enable", "start", "restart"):
@@ -108,9 +131,9 @@ def test_each_level_of_a_reset_asks_first_and_removes_its_part(root: pathlib.Pat
     with NativeMachine(root, tmp_path) as robot:
         robot.sh(f"ddxctl disable {SAVE}; ddxctl add {REAR} name=rear port=8004 interface=lo")
         robot.sh("echo kept > /rec/old.y4m; mkdir /data/ssh; echo secret > /data/ssh/key")
-        runs(robot, "store")
+        runs(robot, "ddxstore")
         runs(robot, REAR)
-        store = robot.sh("cat /run/service/store/supervise/pid")
+        store = robot.sh("cat /run/service/ddxstore/supervise/pid")
         for typed in ("", "yes", "everything"):
             status, text = robot.run(f"echo {typed} | ddxctl reset settings")
             assert status == 1 and "not confirmed, nothing was changed" in text
@@ -118,7 +141,8 @@ def test_each_level_of_a_reset_asks_first_and_removes_its_part(root: pathlib.Pat
         robot.sh("echo settings | ddxctl reset settings")
         runs(robot, SAVE)
         assert services(robot)[SAVE]["enabled"] is True and REAR not in services(robot)
-        assert robot.sh("cat /run/service/store/supervise/pid /data/ssh/key /rec/old.y4m") == f"{store}\nsecret\nkept"
+        files = "/run/service/ddxstore/supervise/pid /data/ssh/key /rec/old.y4m"
+        assert robot.sh(f"cat {files}") == f"{store}\nsecret\nkept"
         assert "not confirmed" in robot.run("echo settings | ddxctl reset everything")[1]
         robot.sh(f"ddxctl disable {SAVE}")
         robot.run("echo everything | ddxctl reset everything")

@@ -55,7 +55,7 @@ def test_programs_print_their_image_s_version(tmp_path: pathlib.Path) -> None:
         pytest.skip("a mount needs root")
     found = image(tmp_path, DDX_COMMIT="v9-1-gabc", DDX_BOARD="dev")
     script = 'mount --bind "$0" "$(readlink -f /etc/os-release)" && for name; do "$name" -version; done'
-    names = ["ddxctl", "store", "ddxvideosave", "ddxrecordings"]
+    names = ["ddxctl", "ddxstore", "ddxvideosave", "ddxrecordings"]
     done = subprocess.run(["unshare", "--mount", "sh", "-c", script, tmp_path / "usr/lib/os-release",
                            *(ROOT / "bin" / name for name in names)], check=True, capture_output=True, text=True)
     assert done.stdout == "".join(f"{name} {number()}\nimage: {found['VERSION']}\n" for name in names)

@@ -259,7 +259,7 @@ def test_too_small_to_be_shown(desk: Desk, display: Display) -> None:
 
 
 def test_stream(stream: Stream, display: Display) -> None:
-    """With decode's receiver: frame numbers are those in the pictures."""
+    """With ddxdecode's receiver: frame numbers are those in the pictures."""
     desk = stream.desk
     window = Window(desk, display, "-port", PORT, wrapper=stream.network.inside)
     wait_until(lambda: bool(desk.item("ddxvideoview.packets")))

@@ -65,12 +65,12 @@ def recorder(desk: Desk) -> Process:
 @pytest.fixture
 def health(desk: Desk, recorder: Process) -> Iterator[Health]:
     sender = desk.start("ddxvideosend", "-interface", "lo")
-    yield Health(desk, {"store": desk.store, "ddxvideosave": recorder, "ddxvideosend": sender})
+    yield Health(desk, {"ddxstore": desk.store, "ddxvideosave": recorder, "ddxvideosend": sender})
 
 
-@pytest.mark.parametrize("name", ["store", "ddxvideosave"])
+@pytest.mark.parametrize("name", ["ddxstore", "ddxvideosave"])
 def test_no_feeding_while_store_or_recorder_hangs(desk: Desk, health: Health, recorder: Process, name: str) -> None:
-    hung = {"store": desk.store, "ddxvideosave": recorder}[name]
+    hung = {"ddxstore": desk.store, "ddxvideosave": recorder}[name]
     send_signal(hung, signal.SIGSTOP)
     wait_until(lambda: health.lines(NOT_FED) == 1)
     wait_until(lambda: health.lines(GIVEN_UP) > 0)

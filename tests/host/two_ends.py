@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: GPL-2.0-or-later
 """A robot and an operator at the ends of the lossy link, each with a store and the programs of the stream. A clip is
-sent to the operator, and judged by counts and the numbers in the pictures. A second decode runs on the robot, where no
-packet is lost: its pictures show how the encoder changed each number."""
+sent to the operator, and judged by counts and the numbers in the pictures. A second ddxdecode runs on the robot, where
+no packet is lost: its pictures show how the encoder changed each number."""
 from __future__ import annotations
 
 import dataclasses
@@ -116,15 +116,15 @@ def run(folder: pathlib.Path, clip: pathlib.Path, loss: Pattern, back: Pattern, 
 
 
 class Screen:
-    """decode and a recorder of its pictures."""
+    """ddxdecode and a recorder of its pictures."""
 
     def __init__(self, desk: Desk, node: Node, *options: object) -> None:
         self.desk = desk
         self.recorder = start_recorder(desk, "-name", "seen", "-output", "seen.y4m")
         wait_until(lambda: "ddxvideosave.stats" in desk.run("ddxctl", "list").stdout)
-        self.decode = desk.start("decode", "-headless", "-print", "-name", "seen", "-group", "none", *options,
+        self.decode = desk.start("ddxdecode", "-headless", "-print", "-name", "seen", "-group", "none", *options,
                                  wrapper=node.inside)
-        wait_until(lambda: "decode.packets" in desk.run("ddxctl", "list").stdout)
+        wait_until(lambda: "ddxdecode.packets" in desk.run("ddxctl", "list").stdout)
 
     def end(self) -> tuple[Shown, dict[str, int], Counters]:
         """Return the frames shown, and the counters of packets and frames."""
@@ -147,9 +147,9 @@ def _run(robot: Desk, operator: Desk, link: Link, clip: pathlib.Path, back: Patt
     link.lose(NOTHING, back)
     play(robot, mark(clip, robot.folder / "mark.y4m"), "mark")
     wait_until(lambda: settled(robot, "ddxvideosend", robot.sequence("video")))
-    wait_until(lambda: settled(operator, "decode", robot.out("ddxvideosend")))
+    wait_until(lambda: settled(operator, "ddxdecode", robot.out("ddxvideosend")))
     seconds = time.monotonic() - begin
-    wait_until(lambda: settled(robot, "decode", robot.out("ddxvideosend")))
+    wait_until(lambda: settled(robot, "ddxdecode", robot.out("ddxvideosend")))
     (_, sent_packets, sent), = finish(sender)
     seen, shown_packets, shown = far.end()
     coded, _, _ = near.end()

@@ -8,7 +8,7 @@
 const char *ddx_error_text(int error) {
     switch (abs(error)) {
     case 0: return "no error";
-    case ECONNREFUSED: return "no store runs here; start one with: store -m 8M";
+    case ECONNREFUSED: return "no store runs here; start one with: ddxstore -m 8M";
     case ENOENT: return "the store has no item of this name; see: ddxctl list";
     case EPERM: return "the store's socket or its folder may be another user's; see DDX_DIR in ddx.h";
     case EPROTOTYPE: return "the item has another type, or one that the program has not declared";
@@ -16,7 +16,7 @@ const char *ddx_error_text(int error) {
         return "wrong size: the item's value does not fit the program's struct; if the struct has changed, first stop "
                "the programs that have the item open";
     case EEXIST: return "another program writes this item already";
-    case ENOSPC: return "the store's memory budget is used up; give it more with: store -m";
+    case ENOSPC: return "the store's memory budget is used up; give it more with: ddxstore -m";
     case EBUSY: return "no memory left for another reader, or a frame is still held";
     case ENOBUFS: return "every frame of the item is held, nothing was written";
     case EMFILE: return "too few descriptors: one is needed for each frame and each reader of an item; see ulimit -n";

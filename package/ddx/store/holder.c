@@ -65,7 +65,7 @@ static pid_t start(int (*work)(void)) {
     if (pid)
         return pid;
     prctl(PR_SET_PDEATHSIG, SIGKILL); /* without a holder the worker's state would be lost */
-    prctl(PR_SET_NAME, "store-worker");
+    prctl(PR_SET_NAME, "ddxstore-worker");
     if (getppid() != holder)
         _exit(1);
 #ifdef DDX_FAULTS

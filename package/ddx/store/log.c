@@ -8,6 +8,7 @@
 
 #include "log.h"
 
+#define PROGRAM "ddxstore"
 #define NOTES 100 /* lines a second at most */
 
 /*
@@ -25,7 +26,8 @@ bool log_text(int fd, const char *text, size_t length) {
 void log_line(const char *format, ...) {
     static int64_t second;
     static unsigned lines, left_out;
-    char text[512] = "store: ";
+    char text[512] = PROGRAM ": ";
+    const int begin = sizeof PROGRAM ": " - 1;
     va_list arguments;
 
     /* A client that sends bad requests as fast as it can must not fill the log. */
@@ -33,12 +35,12 @@ void log_line(const char *format, ...) {
         lines = 0;
     second = ddx_time_now() / 1000000000;
     if (left_out && lines < NOTES) {
-        int length = snprintf(text + 7, sizeof text - 7, "%u lines were left out\n", left_out) + 7;
+        int length = snprintf(text + begin, sizeof text - (size_t)begin, "%u lines were left out\n", left_out) + begin;
 
         left_out = log_text(2, text, (size_t)length) ? 0 : left_out;
     }
     va_start(arguments, format);
-    int length = vsnprintf(text + 7, sizeof text - 8, format, arguments) + 7;
+    int length = vsnprintf(text + begin, sizeof text - (size_t)begin - 1, format, arguments) + begin;
     va_end(arguments);
     if (length > (int)sizeof text - 2)
         length = (int)sizeof text - 2;

@@ -139,7 +139,7 @@ static void print_json(struct store *store) {
         clients++;
     int length =
         snprintf(text, sizeof text,
-                 "{\"instance\":\"store\",\"items\":%u,\"clients\":%u,\"bytes\":%llu,\"reserved\":%llu,"
+                 "{\"instance\":\"ddxstore\",\"items\":%u,\"clients\":%u,\"bytes\":%llu,\"reserved\":%llu,"
                  "\"budget\":%llu,\"restarts\":%u}\n",
                  items, clients, (unsigned long long)budget_used(store), (unsigned long long)budget_reserved(store),
                  (unsigned long long)store->settings->budget, holder_restarts());
@@ -284,7 +284,7 @@ static int worker_run(const struct settings *settings) {
 
 static struct settings settings = {.port = DDX_STORE_PORT, .budget = (uint64_t)8 << 20};
 
-static const char usage[] = "usage: store [-m SIZE] [-port N]\n"
+static const char usage[] = "usage: ddxstore [-m SIZE] [-port N]\n"
                             "\n"
                             "Keeps the names of items in shared memory, and their memory.\n"
                             "\n"
@@ -351,13 +351,13 @@ static int parse_options(int argc, char **argv) {
             }
             break;
         case 'h': fputs(usage, stdout); return 1;
-        case 'v': version_print("store"); return 1;
-        case ':': log_line("%s: needs a value; see store -help", argv[optind - 1]); return 3;
-        default: log_line("%s: unknown option; see store -help", argv[optind - 1]); return 3;
+        case 'v': version_print("ddxstore"); return 1;
+        case ':': log_line("%s: needs a value; see ddxstore -help", argv[optind - 1]); return 3;
+        default: log_line("%s: unknown option; see ddxstore -help", argv[optind - 1]); return 3;
         }
     }
     if (optind < argc) {
-        log_line("%s: unexpected; see store -help", argv[optind]);
+        log_line("%s: unexpected; see ddxstore -help", argv[optind]);
         return 3;
     }
     return 0;

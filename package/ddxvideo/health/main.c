@@ -22,8 +22,8 @@ struct hw_watchdog {
     int timeout; /* seconds, as set in the hardware */
 };
 
-#define WATCH_STORE "store" /* the name of the store's service */
-#define WATCH_MAX 32        /* services */
+#define WATCH_STORE "ddxstore" /* the name of the store's service */
+#define WATCH_MAX 32           /* services */
 
 struct watched {
     char name[DDX_NAME_MAX + 1];

@@ -274,7 +274,7 @@ static const char *const reasons[] = {"store", "ring", "write", "encode", NULL};
 #define DRAIN_FRAMES 256 /* maximum number of frames taken from the store after TERM */
 
 static void say_kept(const struct recorder *recorder) {
-    say("%s: the store has little room, it keeps %u frames for the recorder; more memory: store -m", recorder->name,
+    say("%s: the store has little room, it keeps %u frames for the recorder; more memory: ddxstore -m", recorder->name,
         recorder->keep);
 }
 

@@ -20,7 +20,7 @@ void counters_open(struct counters *counters, DDX_STORE_ID *id);
 /* Write the values into the store. */
 void counters_write(struct counters *counters);
 
-/* {"instance":"decode.packets","received":500,...} and a line feed. */
+/* {"instance":"ddxdecode.packets","received":500,...} and a line feed. */
 void counters_print(const struct counters *counters, FILE *file);
 
 void counters_close(struct counters *counters);

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-2.0-or-later
-"""A stream inside one guest: the sender, decode and a recorder of decode's pictures, all services of the image."""
+"""A stream inside one guest: the sender, ddxdecode and a recorder of its pictures, all services of the image."""
 import dataclasses
 import pathlib
 
@@ -11,10 +11,10 @@ from parts.media.likeness import SAME, Likeness, Recording
 from parts.media.recording import FileSystem
 from parts.media.report import bucket_us
 
-SEND, DECODE = "ddxvideosend", "decode"
-ITEM = "seen"  # decode's item, see decode.default
+SEND, DECODE = "ddxvideosend", "ddxdecode"
+ITEM = "seen"  # ddxdecode's item, see ddxdecode.default
 RECORDER = f"ddxvideosave.{ITEM}"
-EARLIER = 25  # pictures that decode may have shown before the recorder had its item
+EARLIER = 25  # pictures that ddxdecode may have shown before the recorder had its item
 
 
 @dataclasses.dataclass(frozen=True)
@@ -28,7 +28,7 @@ class Picture:
 class Result:
     sent: Counters
     decoded: Counters
-    shown: list[Picture]  # decode's pictures, from their recording
+    shown: list[Picture]  # ddxdecode's pictures, from their recording
     wrong: list[int]      # indices of those that differ from the source at their time
     disagreements: list[str]
     likeness: Likeness | None = None  # of a source without numbers in its pictures
@@ -51,7 +51,7 @@ def settings(accel: str) -> dict[str, str]:
 
 
 def stop(guest: qemu.Guest) -> None:
-    """After the source has stopped: wait for frames on their way, then stop the sender and decode."""
+    """After the source has stopped: wait for frames on their way, then stop the sender and ddxdecode."""
     guest.sh(f"sleep 1; for name in {SEND} {DECODE}; do /etc/init.d/S*$name stop; done")
 
 
@@ -106,7 +106,7 @@ def alike(shown: Recording, source: Recording) -> Likeness:
 
 def judge(shown: pathlib.Path, recorded: pathlib.Path, sent: Counters, decoded: Counters,
           recorder: Counters) -> Result:
-    """Compare decode's pictures with the recording of the source, and with the counters."""
+    """Compare ddxdecode's pictures with the recording of the source, and with the counters."""
     ours, source = Recording(shown), Recording(recorded)
     seen = numbered(ours)
     found = None if source.numbered else alike(ours, source)

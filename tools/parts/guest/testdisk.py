@@ -30,7 +30,7 @@ def fill(folder: pathlib.Path, clip: pathlib.Path | None, files: Files | None = 
     content: dict[str, pathlib.Path | str] = {"clip.y4m": clip} if clip else {}
     content.update(files or {})
     if clip and _budget(clip) > USUAL:
-        content["store.conf"] = f"m={_budget(clip)}M\n"
+        content["ddxstore.conf"] = f"m={_budget(clip)}M\n"
     for where, source in content.items():
         if isinstance(source, str):
             (folder / where).write_text(source)

@@ -69,6 +69,8 @@ def build(name: str = "desk", options: Sequence[str] = (), chosen: Sequence[str]
     wanted = packages() if chosen is None else chosen
     with alone("build", OUTPUT / f"{name}.lock"):  # tests that run side by side all come here first
         _drop_foreign(OUTPUT / name)
+        if (root / "etc/default/store").exists():  # built before release 0.3.0, with other names of programs
+            shutil.rmtree(root)
         needed = {*wanted, *libraries_of}
         if "ddxcatalog" in needed:
             _add("cyclonedds", cyclonedds.cyclonedds(), root)

@@ -2,7 +2,7 @@
 """A robot and its operators, each in its own network namespace, with a lossy link between them.
 
     with Link(operators=2, loss=Iid(0.3), delay_ms=2, seed=7) as link:
-        link.operator[0].popen(["decode", ...])
+        link.operator[0].popen(["ddxdecode", ...])
         link.robot.popen(["ddxvideosend", ...])
         link.counts().down[0].bytes
 

@@ -59,7 +59,7 @@ class Report:
 SINCE = {"stored": "since the capture", "recorded": "since it is in the store", "sent": "since it is in the store",
          "decoded": "since the capture"}
 WHERE = {"stored": "in the store, for all programs", "recorded": "in the recording, by ddxvideosave",
-         "sent": "into the network, by ddxvideosend", "decoded": "received and decoded, by decode"}
+         "sent": "into the network, by ddxvideosend", "decoded": "received and decoded, by ddxdecode"}
 READING = """Latency: half of the frames took at most p50, 99 % of them at most p99. A frame lost for the reason
 <i>store</i> was overwritten in the store before this stage had read it. The stream may lose frames, since
 nothing waits for it; the recording may not."""

@@ -7,7 +7,7 @@ from parts.common import TOP, run
 from parts.release import manual_calls, manual_programs
 
 HEADERS = {"ddx": TOP / "package/ddx/include", "ddxvideo": TOP / "package/ddxvideo/include"}  # by their library
-SEE = ["ddxctl", "store"]  # related to most programs
+SEE = ["ddxctl", "ddxstore"]  # related to most programs
 # Lets a program in Python print its help without a module that is not installed here.
 STUB = "import runpy, sys, types; sys.modules['cv2'] = types.ModuleType('cv2'); sys.argv = sys.argv[1:]; " \
        "runpy.run_path(sys.argv[0], run_name='__main__')"
@@ -26,10 +26,21 @@ def help_text(program: pathlib.Path, environment: dict[str, str]) -> str:
     return run([*python, program, "-help"], env={**environment, "COLUMNS": "100"})
 
 
+def other_name(program: pathlib.Path) -> str:
+    """The program beside this name to which it is a link, or ""."""
+    to = str(program.readlink()) if program.is_symlink() else ""
+    return to if "/" not in to else ""
+
+
+def link(to: str) -> str:
+    return f".so man{manual_programs.SECTION}/{to}.{manual_programs.SECTION}\n"
+
+
 def of_programs(programs: list[pathlib.Path], environment: dict[str, str]) -> dict[str, str]:
     what = manual_programs.abouts(TOP / "package")
-    return {program.name: manual_programs.program_page(program.name, what.get(program.name, ""),
-                                                       help_text(program, environment), SEE, release())
+    return {program.name: link(other) if (other := other_name(program)) else
+            manual_programs.program_page(program.name, what.get(program.name, ""), help_text(program, environment), SEE,
+                                         release())
             for program in programs}
 
 

@@ -109,6 +109,7 @@ function wifi(name, phrase, bare) {
 }
 
 function service(count, words) {
+	sub(/^(catalog|decode|store)( |$)/, "ddx&", value) # the names before release 0.3.0
 	count = split(value, words, " ")
 	if (!is_service(words[1]))
 		wrong("there is no service '" words[1] "'; there are: " services)

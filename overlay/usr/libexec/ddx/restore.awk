@@ -28,6 +28,7 @@ function finish() {
 	printf "" > file
 	program = name
 	sub(/\..*/, "", program)
+	sub(/^(catalog|decode|store)$/, "ddx&", program) # the names before release 0.3.0
 	service = is_service()
 	next
 }

@@ -1,5 +1,5 @@
 /* SPDX-License-Identifier: GPL-2.0-or-later */
-/* decode: shows streams of ddxvideosend. */
+/* ddxdecode: shows streams of ddxvideosend. */
 #include <ddx_stats.h>
 #include <errno.h>
 #include <poll.h>
@@ -171,7 +171,7 @@ int main(int argc, char **argv) {
     };
 
     viewer.program = (struct program){
-        .name = "decode",
+        .name = "ddxdecode",
         .purpose = "Receives a stream of ddxvideosend, from its multicast group or sent to this machine alone, and\n"
                    "shows each frame as soon as its last packet is there. Missing packets are restored from repair\n"
                    "packets, on port + 2; meanwhile the last good picture stays. With -conceal, missing packets leave\n"
@@ -191,7 +191,7 @@ int main(int argc, char **argv) {
         viewer.inlet.group = NULL;
     const char *wrong = inlet_parse(&viewer.inlet, text);
     if (!wrong && viewer.movie.path && !movie_is_possible(viewer.movie.path))
-        wrong = "-record: a file .avi or .mkv is needed, and a decode built with libavformat";
+        wrong = "-record: a file .avi or .mkv is needed, and a ddxdecode built with libavformat";
     if (wrong)
         program_bad_usage("%s", wrong);
     read_key(&viewer.guard);

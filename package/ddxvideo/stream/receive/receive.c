@@ -17,7 +17,7 @@ static const char *const names[] = {STREAM_RX_NAMES, GUARD_NAMES, VIEWER_REPORT_
 #define IDLE_NS (100 * MS)                /* longest wait, */
 #define WINDOW_NS (10 * MS)               /* with a window */
 #define PIXELS_MAX (INT64_C(4096) * 4096) /* of a picture that no store has to hold */
-#define BATCH_PACKETS 64                  /* packets of each port: floods do not keep decode from its other work */
+#define BATCH_PACKETS 64                  /* packets of each port: floods do not keep ddxdecode from its other work */
 #define LAST_PACKETS 1024                 /* packets, more than the sockets hold */
 
 static void fail(struct viewer *viewer, const char *what, const char *why) {

@@ -145,7 +145,7 @@ const char *show_newest(struct viewer *viewer) {
     return wrong;
 }
 
-/* ---- The window of decode, with the latest picture ---- */
+/* ---- The window of ddxdecode, with the latest picture ---- */
 
 struct display {
     struct surface *surface;

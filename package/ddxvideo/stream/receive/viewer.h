@@ -52,7 +52,7 @@ struct viewer {
     long patience; /* ms that a packet waits for a missing one before it */
     bool headless, print;
     bool silent;                 /* send no reports */
-    struct viewer_screen screen; /* show: NULL for decode's window, which `headless` leaves out */
+    struct viewer_screen screen; /* show: NULL for ddxdecode's window, which `headless` leaves out */
     bool conceal;                /* show damaged pictures */
     struct output_item output;
     struct guard guard;

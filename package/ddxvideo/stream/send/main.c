@@ -72,16 +72,17 @@ int main(int argc, char **argv) {
          0, 0},
         {"ts", "PORT", "the same video as MPEG-TS over RTP as well, at this even port: for VLC", OPTION_NUMBER,
          &sender.ts.port, 2, 65534},
-        {"sap", "yes|no", "announce the stream to the group's listeners: players, decode -list (default: yes)",
+        {"sap", "yes|no", "announce the stream to the group's listeners: players, ddxdecode -list (default: yes)",
          OPTION_TEXT, &sap, 0, 0},
         {NULL, NULL, NULL, OPTION_FLAG, NULL, 0, 0},
     };
 
     sender.program = (struct program){
         .name = "ddxvideosend",
-        .purpose = "Sends a video item of the store over the network, as H.264 or MPEG-4 in RTP; `decode` shows it.\n"
-                   "Frames are not delayed: each is encoded and sent as soon as it is written. A frame that comes\n"
-                   "while another one is being encoded is lost if a newer one comes first.",
+        .purpose = "Sends a video item of the store over the network, as H.264 or MPEG-4 in RTP;\n"
+                   "`ddxdecode` shows it. Frames are not delayed: each is encoded and sent as soon as it is\n"
+                   "written. A frame that comes while another one is being encoded is lost if a newer one comes\n"
+                   "first.",
         .notes = "PORT is for RTP; the next three are reserved for this stream (reports, repair packets), so a\n"
                  "second stream goes to PORT + 4. Counters: lost.store = a newer frame came before it was read,\n"
                  "lost.encode = the encoder failed, lost.network = no receiver was sent the whole frame,\n"
