@@ -97,7 +97,8 @@ def circle(known: dict[str, set[str]]) -> list[str]:
 # Folders of C sources, lowest first; folders in one line do not include each other.
 FOLDERS = """
     ddx/include
-    ddx/form ddx/lib ddx/program ddxpanel/common
+    ddx/lib ddx/program ddxpanel/common
+    ddx/form
     ddx/ddxctl ddx/store ddxcatalog/wire ddxlog/mcap ddxpanel/root ddxpanel/web ddxvideo/include
     ddxcatalog/ctl ddxcatalog/network ddxgrow ddxlog/log ddxlog/play ddxservice ddxupdate ddxvideo/common
     ddxvideo/coded ddxvideo/stream/core

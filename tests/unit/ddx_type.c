@@ -66,6 +66,49 @@ static void test_parse(void) {
     free(layout);
 }
 
+/* Several names of one nested struct: each has its own fields. */
+static void test_several_names(void) {
+    typedef struct {
+        char first;
+        struct {
+            struct {
+                short a, b[3];
+                double c;
+            } deep, deeper[2];
+            char last;
+        } one, two[3];
+    } SEVERAL;
+    struct ddx_layout *layout;
+
+    CHECK_EQUAL(ddx_layout_parse("struct { char first; struct { struct { short a, b[3]; double c; } deep, deeper[2]; "
+                                 "char last; } one, two[3]; }",
+                                 &layout),
+                0);
+    CHECK_EQUAL(layout->size, sizeof(SEVERAL));
+    CHECK_EQUAL(layout->field_count, 1 + 2 * (1 + 2 * 4 + 1));
+    CHECK(ddx_layout_valid(layout, ddx_layout_bytes(layout->field_count)));
+    CHECK_EQUAL(find(layout, "one.deeper.c")->offset, offsetof(SEVERAL, one.deeper[0].c));
+    CHECK_EQUAL(find(layout, "two")->children, 9);
+    CHECK_EQUAL(find(layout, "two.deep.b")->offset, offsetof(SEVERAL, two[0].deep.b));
+    CHECK_EQUAL(find(layout, "two.deeper.c")->offset, offsetof(SEVERAL, two[0].deeper[0].c));
+    CHECK_EQUAL(find(layout, "two.last")->offset, offsetof(SEVERAL, two[0].last));
+    free(layout);
+}
+
+/* 63 bytes are a name, 64 are not, also as the names of nested fields together. */
+static void test_long_names(void) {
+    struct ddx_layout *layout;
+    char text[200];
+
+    for (int length = DDX_NAME_MAX - 2; length <= DDX_NAME_MAX - 1; length++) {
+        snprintf(text, sizeof text, "struct { struct { int %0*d; } a; }", length, 0);
+        memset(strchr(text, '0'), 'x', (size_t)length);
+        CHECK_EQUAL(ddx_layout_parse(text, &layout), length == DDX_NAME_MAX - 2 ? 0 : -EINVAL);
+        if (length == DDX_NAME_MAX - 2)
+            free(layout);
+    }
+}
+
 static void test_refused(void) {
     static const char *const bad[] = {
         "",
@@ -235,6 +278,8 @@ static void test_untrusted(void) {
 
 int main(void) {
     test_parse();
+    test_several_names();
+    test_long_names();
     test_refused();
     test_expressions();
     test_match();

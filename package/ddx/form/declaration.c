@@ -6,9 +6,7 @@
 #include <string.h>
 
 #include "fields.h"
-
-#define NESTING_MAX 8
-#define FIELDS_MAX 200
+#include "type.h"
 
 static const struct {
     const char *name;
@@ -55,8 +53,6 @@ char *form_declaration(const struct form_fields *fields) {
         return NULL;
     if (fields->count == 1 && !*fields->field->name) {
         fputs(type_name(fields->field), to);
-        if (fields->field->bound > 1)
-            fprintf(to, "[%u]", (unsigned)fields->field->bound);
     } else {
         fputs("struct { ", to);
         write_fields(to, fields, 0, fields->count);
@@ -92,85 +88,6 @@ char *form_extents(const struct form_fields *fields) {
     return text;
 }
 
-struct parser {
-    const char *at;
-    struct form_fields *fields;
-};
-
-/* The next word: a name, a number, or one other character. Empty at the end. */
-static void next_word(struct parser *parser, char word[DDX_NAME_MAX + 1]) {
-    static const char letters[] = "ABCDEFGHIJKLMNOPQRSTUVWXYZabcdefghijklmnopqrstuvwxyz_0123456789";
-
-    parser->at += strspn(parser->at, " ");
-    size_t length = strspn(parser->at, letters);
-    if (!length && *parser->at)
-        length = 1;
-    snprintf(word, DDX_NAME_MAX + 1, "%.*s", (int)(length > DDX_NAME_MAX ? 0 : length), parser->at);
-    parser->at += length;
-}
-
-static bool accept(struct parser *parser, char c) {
-    parser->at += strspn(parser->at, " ");
-    if (*parser->at != c)
-        return false;
-    parser->at++;
-    return true;
-}
-
-static int parse_members(struct parser *parser, unsigned depth);
-
-/* "float x[3];" or "struct { ... } y;" */
-static int parse_member(struct parser *parser, unsigned depth) {
-    char word[DDX_NAME_MAX + 1];
-    unsigned index = parser->fields->count++;
-
-    if (index >= FIELDS_MAX)
-        return -EINVAL;
-    struct form_field *field = &parser->fields->field[index];
-    next_word(parser, word);
-    if (!strcmp(word, "struct")) {
-        int error = accept(parser, '{') ? parse_members(parser, depth + 1) : -EINVAL;
-
-        if (error)
-            return error;
-        field->kind = DDX_KIND_STRUCT;
-        field->children = parser->fields->count - index - 1;
-    } else {
-        for (size_t i = 0; i < TYPES && !field->kind; i++)
-            if (!strcmp(word, types[i].name)) {
-                field->kind = types[i].kind;
-                field->bytes = types[i].bytes;
-            }
-    }
-    if (depth)
-        next_word(parser, field->name);
-    if (!field->kind || (depth && !*field->name))
-        return -EINVAL;
-    field->bound = 1;
-    if (accept(parser, '[')) {
-        next_word(parser, word);
-        unsigned long bound = strtoul(word, NULL, 10);
-        if (!bound || bound > 1 << 30 || !accept(parser, ']'))
-            return -EINVAL;
-        field->bound = (uint32_t)bound;
-    }
-    field->count = field->bound;
-    return !depth || accept(parser, ';') ? 0 : -EINVAL;
-}
-
-static int parse_members(struct parser *parser, unsigned depth) {
-    if (depth > NESTING_MAX)
-        return -EINVAL;
-    bool any = false;
-    for (; !accept(parser, '}'); any = true) {
-        int error = parse_member(parser, depth);
-
-        if (error)
-            return error;
-    }
-    return any ? 0 : -EINVAL;
-}
-
 /* Apply the extents. A struct field has no size here, so it cannot have an extent. */
 static int use(struct form_fields *fields, const char *extents) {
     while (*extents) {
@@ -194,24 +111,26 @@ static int use(struct form_fields *fields, const char *extents) {
 }
 
 int form_parse(const char *declaration, const char *extents, struct form_fields *fields) {
-    fields->count = 0;
-    fields->field = calloc(FIELDS_MAX + 1, sizeof *fields->field);
-    if (!fields->field)
-        return -ENOMEM;
-    struct parser parser = {declaration, fields};
-    char word[DDX_NAME_MAX + 1];
-    int error;
-    next_word(&parser, word);
-    if (!strcmp(word, "struct")) {
-        error = accept(&parser, '{') ? parse_members(&parser, 1) : -EINVAL;
-    } else {
-        parser.at = declaration;
-        error = parse_member(&parser, 0);
+    struct ddx_layout *layout;
+    int error = ddx_layout_parse_portable(declaration, &layout);
+
+    *fields = (struct form_fields){NULL, 0};
+    if (error)
+        return error;
+    fields->field = calloc(layout->field_count, sizeof *fields->field);
+    for (; fields->field && fields->count < layout->field_count; fields->count++) {
+        const struct ddx_layout_field *from = &layout->field[fields->count];
+        struct form_field *to = &fields->field[fields->count];
+        const char *dot = strrchr(from->name, '.');
+
+        *to = (struct form_field){
+            .kind = from->kind, .count = from->count, .bound = from->count, .children = from->children};
+        if (to->kind != DDX_KIND_STRUCT) /* a struct's size depends on the machine */
+            to->bytes = from->bytes;
+        snprintf(to->name, sizeof to->name, "%s", dot ? dot + 1 : from->name);
     }
-    next_word(&parser, word);
-    if (!error && *word)
-        error = -EINVAL;
-    return error ? error : use(fields, extents);
+    free(layout);
+    return fields->field ? use(fields, extents) : -ENOMEM;
 }
 
 unsigned form_list_extents(char *text, struct ddx_extent *extents, unsigned room) {

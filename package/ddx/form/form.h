@@ -49,7 +49,7 @@ int form_of_item(DDX_STORE_ITEM *item, struct form **form);
 
 /*
  * The form of a channel in a log, without a store: leaves and sizes in the message, not in the item. -EINVAL: not a
- * declaration made by form_of_item().
+ * declaration, or one whose sizes depend on the machine, as form_of_item() makes none.
  */
 int form_of_text(const char *type, const char *declaration, const char *extents, struct form **form);
 

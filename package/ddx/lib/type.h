@@ -47,8 +47,12 @@ static inline size_t ddx_layout_bytes(unsigned fields) {
  */
 int ddx_layout_parse(const char *text, struct ddx_layout **layout);
 
-/* The same; on -EINVAL *bad points to the word that is not understood. */
-int ddx_layout_parse_until(const char *text, struct ddx_layout **layout, const char **bad);
+/* The same with the types of a list; on -EINVAL *bad points to the word that is not understood. */
+int ddx_layout_parse_known(const char *text, const struct ddx_type_declaration_ *known, struct ddx_layout **layout,
+                           const char **bad);
+
+/* The same for text of another machine: -EINVAL for types whose size depends on the machine. */
+int ddx_layout_parse_portable(const char *text, struct ddx_layout **layout);
 
 /* The first declaration of this name by DDX_STORE_TYPE, or NULL. */
 const struct ddx_type_declaration_ *ddx_type_declared(const char *name);

@@ -17,7 +17,10 @@
 
 struct parser {
     const char *at;
-    struct ddx_layout *layout; /* room for DDX_FIELDS_MAX */
+    /* Room for DDX_FIELDS_MAX. While parsing, name and offset of a nested field are those within its struct. */
+    struct ddx_layout *layout;
+    const struct ddx_type_declaration_ *known; /* types that the text may name */
+    bool portable;                             /* only types that are the same on all machines */
     int depth;
     const char *bad; /* the word that is not a type; NULL: the parser stopped at `at` */
 };
@@ -82,7 +85,7 @@ static bool word(struct parser *p, char name[DDX_NAME_MAX + 1]) {
     return true;
 }
 
-static int members(struct parser *p, const char *prefix, uint64_t start, struct base *base);
+static int members(struct parser *p, struct base *base);
 
 /* "unsigned long long", "char", ...: count the words, then derive the type from the counts. */
 static int arithmetic(struct parser *p, const char *first, struct base *base) {
@@ -131,13 +134,12 @@ static int arithmetic(struct parser *p, const char *first, struct base *base) {
         return -EINVAL;
     if (is_unsigned)
         base->kind = DDX_KIND_UNSIGNED;
-    return is_double && is_long ? -EINVAL : 0;
+    return is_long && (is_double || (p->portable && is_long == 1)) ? -EINVAL : 0;
 }
 
-/* The fields of a type that this program declared by DDX_STORE_TYPE, as a nested struct. */
-static int declared(struct parser *p, const char *name, const char *prefix, uint64_t start, struct base *base);
+static int declared(struct parser *p, const char *name, struct base *base);
 
-static int type(struct parser *p, const char *prefix, uint64_t start, struct base *base) {
+static int type(struct parser *p, struct base *base) {
     char name[DDX_NAME_MAX + 1];
     const char *first;
 
@@ -150,18 +152,18 @@ static int type(struct parser *p, const char *prefix, uint64_t start, struct bas
     if (!strcmp(name, "struct")) {
         word(p, name); /* its tag, if any */
         if (accept(p, '{'))
-            return members(p, prefix, start, base);
+            return members(p, base);
         p->bad = first;
         return -EINVAL;
     }
     for (size_t i = 0; i < sizeof named / sizeof named[0]; i++)
-        if (!strcmp(name, named[i].name)) {
+        if (!strcmp(name, named[i].name) && !(p->portable && !strcmp(name, "size_t"))) {
             *base = named[i].base;
             return 0;
         }
     int result = arithmetic(p, name, base);
     if (result == -EINVAL)
-        result = declared(p, name, prefix, start, base);
+        result = declared(p, name, base);
     if (result == -EINVAL && !p->bad)
         p->bad = first;
     return result;
@@ -183,89 +185,65 @@ static int bounds(struct parser *p, uint64_t *count) {
     return 0;
 }
 
-static int add(struct parser *p, struct ddx_layout_field **field) {
-    if (p->layout->field_count == DDX_FIELDS_MAX)
+static int add(struct parser *p, unsigned count) {
+    if (p->layout->field_count + count > DDX_FIELDS_MAX)
         return -EINVAL;
-    *field = &p->layout->field[p->layout->field_count++];
-    memset(*field, 0, sizeof **field);
+    p->layout->field_count += count;
     return 0;
 }
 
-static int full_name(char out[DDX_NAME_MAX + 1], const char *prefix, const char *name) {
-    if (strlen(prefix) + strlen(name) + 1 > DDX_NAME_MAX)
-        return -EINVAL;
-    strcpy(out, prefix);
-    if (*prefix)
-        strcat(out, ".");
-    strcat(out, name);
-    return 0;
-}
+/* The declarators of one line: "a, b[3];". Each gets a field and a copy of the type's nested fields. */
+static int declarators(struct parser *p, uint64_t *end, unsigned *alignment) {
+    unsigned first = p->layout->field_count;
+    struct base base;
+    int result = add(p, 1);
 
-/*
- * The declarators of one line: "a, b[3];". The type's nested fields, if any, were parsed before its first name was
- * known, so they are parsed again for each name: `line` is where the type begins.
- */
-static int declarators(struct parser *p, const char *line, const char *prefix, uint64_t start, uint64_t *end,
-                       unsigned *alignment) {
-    for (bool first = true;; first = false) {
-        char name[DDX_NAME_MAX + 1], path[DDX_NAME_MAX + 1];
-        struct base base;
-        unsigned here = p->layout->field_count;
-        const char *resume = p->at;
-
-        /* Get kind and size, then drop the nested fields until name and offset are known. */
-        p->at = line;
-        int result = type(p, "", 0, &base);
-        p->layout->field_count = here;
-        if (result)
-            return result;
-        if (!first)
-            p->at = resume;
-        if (!word(p, name) || (result = full_name(path, prefix, name)))
-            return -EINVAL; /* a pointer, a bit field without a name, ... */
+    if (!result)
+        result = type(p, &base);
+    if (result)
+        return result;
+    unsigned fields = p->layout->field_count - first;
+    for (struct ddx_layout_field *field = &p->layout->field[first];; field += fields) {
         uint64_t count;
+
+        memset(field, 0, sizeof *field);
+        if (!word(p, field->name))
+            return -EINVAL; /* a pointer, a bit field without a name, ... */
         if ((result = bounds(p, &count)))
             return result;
-        resume = p->at;
-
         uint64_t offset = (*end + base.alignment - 1) / base.alignment * base.alignment;
-        struct ddx_layout_field *field;
-        if (count > DDX_SIZE_MAX / base.bytes || (result = add(p, &field)))
+        if (count > DDX_SIZE_MAX / base.bytes)
             return -EINVAL;
-        strcpy(field->name, path);
         field->kind = (uint8_t)base.kind;
         field->bytes = (uint32_t)base.bytes;
         field->count = (uint32_t)count;
-        field->offset = start + offset;
+        field->children = (uint16_t)(fields - 1);
+        field->offset = offset;
         field->used = base.bytes * count;
-        if (base.kind == DDX_KIND_STRUCT) {
-            p->at = line;
-            if ((result = type(p, path, start + offset, &base)))
-                return result;
-            field->children = (uint16_t)(p->layout->field_count - here - 1);
-            p->at = resume;
-        }
-        *end = offset + base.bytes * count;
+        *end = offset + field->used;
         if (*end > DDX_SIZE_MAX)
             return -EINVAL;
         if (base.alignment > *alignment)
             *alignment = base.alignment;
         if (accept(p, ';'))
             return 0;
-        if (!accept(p, ','))
-            return -EINVAL; /* a bit field, an attribute, ... */
+        if (!accept(p, ',')) /* a bit field, an attribute, ... */
+            return -EINVAL;
+        if ((result = add(p, fields)))
+            return result;
+        memcpy(field + fields, field, fields * sizeof *field);
     }
 }
 
 /* After "struct {": all lines up to "}". */
-static int members(struct parser *p, const char *prefix, uint64_t start, struct base *base) {
+static int members(struct parser *p, struct base *base) {
     uint64_t end = 0;
     unsigned alignment = 1;
 
     if (++p->depth > NESTING_MAX)
         return -EINVAL;
     while (!accept(p, '}')) {
-        int result = declarators(p, p->at, prefix, start, &end, &alignment);
+        int result = declarators(p, &end, &alignment);
 
         if (result)
             return result;
@@ -277,23 +255,16 @@ static int members(struct parser *p, const char *prefix, uint64_t start, struct 
     return 0;
 }
 
-static struct ddx_type_declaration_ *declarations;
-
-/* Runs from constructors, before main() and before threads. */
-void ddx_type_declare_(struct ddx_type_declaration_ *declaration) {
-    declaration->next = declarations;
-    declarations = declaration;
-}
-
-static int declared(struct parser *p, const char *name, const char *prefix, uint64_t start, struct base *base) {
-    for (const struct ddx_type_declaration_ *d = declarations; d; d = d->next)
+/* The fields of a known type, as a nested struct. */
+static int declared(struct parser *p, const char *name, struct base *base) {
+    for (const struct ddx_type_declaration_ *d = p->known; d; d = d->next)
         if (!strcmp(d->name, name)) {
             const char *resume = p->at;
 
             if (++p->depth > NESTING_MAX)
                 return -EINVAL;
             p->at = d->text;
-            int result = type(p, prefix, start, base);
+            int result = type(p, base);
             p->at = resume;
             p->depth--;
             return result;
@@ -301,136 +272,68 @@ static int declared(struct parser *p, const char *name, const char *prefix, uint
     return -EINVAL;
 }
 
-int ddx_layout_parse(const char *text, struct ddx_layout **layout) {
-    const char *bad;
+/* Give all fields from `first` up to `end` their full names and offsets in the item. */
+static int resolve(struct ddx_layout *layout, unsigned first, unsigned end, const char *prefix, uint64_t start) {
+    for (unsigned i = first; i < end; i = ddx_layout_after(layout, i)) {
+        struct ddx_layout_field *field = &layout->field[i];
+        size_t before = strlen(prefix), length = strlen(field->name);
 
-    return ddx_layout_parse_until(text, layout, &bad);
-}
+        if (before + length > DDX_NAME_MAX)
+            return -EINVAL;
+        memmove(field->name + before, field->name, length + 1);
+        memcpy(field->name, prefix, before);
+        field->offset += start;
+        if (field->children) {
+            char inner[DDX_NAME_MAX + 2];
 
-int ddx_layout_parse_until(const char *text, struct ddx_layout **layout, const char **bad) {
-    struct parser p = {text, calloc(1, ddx_layout_bytes(DDX_FIELDS_MAX)), 0, NULL};
-    struct base base;
-
-    if (!p.layout)
-        return -ENOMEM;
-    int result = type(&p, "", 0, &base);
-    skip_space(&p);
-    if (!result && *p.at)
-        result = -EINVAL;
-    if (result) {
-        *bad = p.bad ? p.bad : p.at;
-        free(p.layout);
-        return result;
+            snprintf(inner, sizeof inner, "%s.", field->name);
+            int error = resolve(layout, i + 1, ddx_layout_after(layout, i), inner, field->offset);
+            if (error)
+                return error;
+        }
     }
-    p.layout->size = base.bytes;
-    if (base.kind != DDX_KIND_STRUCT) {
-        p.layout->field_count = 1;
-        p.layout->field[0] = (struct ddx_layout_field){
-            .kind = (uint8_t)base.kind, .bytes = (uint32_t)base.bytes, .count = 1, .used = base.bytes};
-    }
-    *layout = p.layout;
     return 0;
 }
 
-const struct ddx_type_declaration_ *ddx_type_declared(const char *name) {
-    const struct ddx_type_declaration_ *d = declarations;
+static int parse(struct parser *p, struct ddx_layout **layout) {
+    const char *text = p->at;
+    struct base base;
 
-    while (d && strcmp(d->name, name))
-        d = d->next;
-    return d;
-}
-
-int ddx_layout_of(const char *name, struct ddx_layout **layout) {
-    struct ddx_layout *found = NULL;
-
-    for (const struct ddx_type_declaration_ *d = declarations; d; d = d->next) {
-        struct ddx_layout *other;
-
-        if (strcmp(d->name, name))
-            continue;
-        int result = ddx_layout_parse(d->text, &other);
-        if (!result && other->size != d->size) { /* an attribute or a pragma that the text does not show */
-            free(other);
-            result = -EINVAL;
-        }
-        if (!result && found && !ddx_layout_same(found, other)) {
-            free(other);
-            result = -EPROTOTYPE;
-        }
-        if (result) {
-            free(found);
-            return result;
-        }
-        free(found);
-        found = other;
-    }
-    if (found) {
-        *layout = found;
-        return 0;
-    }
-    return ddx_layout_parse(name, layout) ? -ENOENT : 0;
-}
-
-/* ---- Problems of a declaration ---- */
-
-/* The reason why a type cannot be shared, in a line that names the word at fault. */
-
-#define WORD_MAX 80
-
-/* Length of a word such as "std::int32_t". */
-static size_t word_length(const char *at) {
-    size_t length = 0;
-
-    while (isalnum((unsigned char)at[length]) || at[length] == '_' || at[length] == ':')
-        length++;
-    return length;
-}
-
-/* The word at `at`, with the next word if it has no meaning alone: "enum colour", "* pointer", ": 3". */
-static void copy_word(char word[WORD_MAX], const char *at) {
-    static const char *const openers[] = {"enum", "struct", "union", "long", "unsigned", "signed"};
-    bool is_mark = *at && !isalnum((unsigned char)*at) && *at != '_';
-    size_t length = is_mark ? 1 : word_length(at);
-    bool opens = is_mark;
-
-    for (size_t i = 0; i < sizeof openers / sizeof *openers; i++)
-        opens |= length == strlen(openers[i]) && !strncmp(at, openers[i], length);
-    if (opens) {
-        size_t space = strspn(at + length, " \t\n");
-        size_t next = word_length(at + length + space);
-
-        length += next ? space + next : 0;
-    }
-    snprintf(word, WORD_MAX, "%.*s", (int)(length < WORD_MAX ? length : WORD_MAX - 1), at);
-}
-
-int ddx_type_problem(const char *type, char *text, size_t bytes) {
-    const struct ddx_type_declaration_ *declared = type ? ddx_type_declared(type) : NULL;
-    struct ddx_layout *layout;
-    const char *bad = "";
-    char word[WORD_MAX];
-
-    if (!type || !text || !bytes)
-        return -EINVAL;
-    *text = 0;
-    int result = ddx_layout_parse_until(declared ? declared->text : type, &layout, &bad);
-    if (result == -EINVAL) {
-        copy_word(word, bad);
-        if (*word)
-            snprintf(text, bytes,
-                     "`%s` cannot be in a type that is shared: only C's integers, float, double, char, fixed arrays, "
-                     "and structs of these that are declared in place or by DDX_STORE_TYPE",
-                     word);
-        else
-            snprintf(text, bytes, "the declaration of the type is not complete");
-    }
-    if (result)
+    p->layout = calloc(1, ddx_layout_bytes(DDX_FIELDS_MAX));
+    if (!p->layout)
+        return -ENOMEM;
+    int result = type(p, &base);
+    skip_space(p);
+    if (!result && *p->at)
+        result = -EINVAL;
+    if (!result && (result = resolve(p->layout, 0, p->layout->field_count, "", 0)))
+        p->bad = text;
+    if (result) {
+        free(p->layout);
         return result;
-    uint64_t size = layout->size;
-    free(layout);
-    if (!declared || declared->size == size)
-        return 0;
-    snprintf(text, bytes, "%s has %zu bytes where its fields need %llu: an attribute or a pragma changes its layout",
-             type, declared->size, (unsigned long long)size);
-    return -EINVAL;
+    }
+    p->layout->size = base.bytes;
+    if (base.kind != DDX_KIND_STRUCT) {
+        p->layout->field_count = 1;
+        p->layout->field[0] = (struct ddx_layout_field){
+            .kind = (uint8_t)base.kind, .bytes = (uint32_t)base.bytes, .count = 1, .used = base.bytes};
+    }
+    *layout = p->layout;
+    return 0;
+}
+
+int ddx_layout_parse_known(const char *text, const struct ddx_type_declaration_ *known, struct ddx_layout **layout,
+                           const char **bad) {
+    struct parser parser = {.at = text, .known = known};
+    int result = parse(&parser, layout);
+
+    if (result)
+        *bad = parser.bad ? parser.bad : parser.at;
+    return result;
+}
+
+int ddx_layout_parse_portable(const char *text, struct ddx_layout **layout) {
+    struct parser parser = {.at = text, .portable = true};
+
+    return parse(&parser, layout);
 }
