@@ -1,49 +1,28 @@
 # SPDX-License-Identifier: GPL-2.0-or-later
-"""A network segment between two guests, with a relay that drops and duplicates packets of the stream in both
-directions, by a seed."""
+"""A network segment between two guests' cards. Its ways lose and double UDP packets as those of parts.link do; other
+frames pass."""
 from __future__ import annotations
 
-import dataclasses
 import pathlib
 import random
 import selectors
 import socket
 import threading
+import time
+
+from parts.link import loss
+from parts.link.relay import ETHERNET, Flow, Way, udp_port
 
 MEDIA, REPORTS, REPAIR = 8000, 8001, 8002  # the stream's ports
-ETHERTYPE, PROTOCOL, HEADER = 12, 23, 14  # offsets in an Ethernet frame with IPv4
-
-
-def stream_port(frame: bytes) -> int | None:
-    """The stream's port that a frame (UDP over IPv4) goes to; None for other frames."""
-    if frame[ETHERTYPE:HEADER] != b"\x08\x00" or frame[PROTOCOL] != 17:
-        return None
-    udp = HEADER + 4 * (frame[HEADER] & 15)
-    port = int.from_bytes(frame[udp + 2:udp + 4], "big")
-    return port if port in (MEDIA, REPORTS, REPAIR) else None
-
-
-@dataclasses.dataclass
-class Flow:
-    """Packets to one port."""
-    came: int = 0
-    dropped: int = 0
-    duplicated: int = 0
-
-    @property
-    def passed(self) -> int:
-        return self.came - self.dropped + self.duplicated
 
 
 class Segment:
-    """Connects two guests' network cards. Only the stream's packets may be dropped or duplicated."""
+    """Only the stream's packets may be lost or doubled, and only while the segment is bad."""
 
-    def __init__(self, folder: pathlib.Path, seed: str, drop: float, duplicate: float) -> None:
-        self.folder, self.random = folder, random.Random(seed)
-        self.drop, self.duplicate = drop, duplicate  # percent
-        self.bad = False       # whether packets are dropped and duplicated now
-        self.media, self.reports, self.repair = Flow(), Flow(), Flow()
-        self._flows = {MEDIA: self.media, REPORTS: self.reports, REPAIR: self.repair}
+    def __init__(self, folder: pathlib.Path, seed: str, lost: float = 0, doubled: float = 0) -> None:
+        self.folder, self.seed = folder, seed
+        self._bad = loss.Iid(lost), loss.Iid(doubled)
+        self._ways = [Way(1), Way(0)]  # by the end that a frame comes from
         self._selector = selectors.DefaultSelector()
         self._sockets = []
         for end in range(2):
@@ -66,24 +45,27 @@ class Segment:
         return ("-netdev", ",".join(["dgram,id=net", *places]),
                 "-device", f"virtio-net-pci,netdev=net,mac=52:54:00:00:00:0{end + 1}")
 
-    def _go(self, end: int, frame: bytes) -> None:
-        try:
-            self._sockets[end].sendto(frame, str(self.folder / f"guest{end}"))
-        except OSError:
-            pass  # no receiver now
+    def turn(self, bad: bool) -> None:
+        """Switch the losses on or off."""
+        for end, way in enumerate(self._ways):
+            patterns = self._bad if bad else (loss.NOTHING, loss.NOTHING)
+            way.lose(*(one.judge(random.Random(f"{self.seed} {end} {which}")) for which, one in enumerate(patterns)))
+
+    def flow(self, port: int) -> Flow:
+        """All packets to this port, which are of one direction."""
+        return next((way.flows[port] for way in self._ways if port in way.flows), Flow())
 
     def _relay(self, end: int, frame: bytes) -> None:
-        port = stream_port(frame)
-        if port is not None:
-            flow = self._flows[port]
-            flow.came += 1
-            if self.bad and self.random.uniform(0, 100) < self.drop:
-                flow.dropped += 1
-                return
-            if self.bad and self.random.uniform(0, 100) < self.duplicate:
-                flow.duplicated += 1
-                self._go(1 - end, frame)
-        self._go(1 - end, frame)
+        way, port, copies = self._ways[end], udp_port(frame), 1
+        if port in (MEDIA, REPORTS, REPAIR):
+            copies = way.copies(port, len(frame) - ETHERNET, time.monotonic())
+        for _ in range(copies):
+            try:
+                self._sockets[way.target].sendto(frame, str(self.folder / f"guest{way.target}"))
+            except OSError:
+                continue  # no receiver now
+            if port in way.flows:
+                way.arrived(port, len(frame) - ETHERNET)
 
     def _run(self) -> None:
         while not self._ended:

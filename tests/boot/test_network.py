@@ -94,7 +94,7 @@ def test_root_s_programs_have_only_the_capabilities_they_need(provisioned: Guest
 def test_network_time_sets_the_clock_and_loses_no_frame(boot: Boot, work: pathlib.Path, tmp_path: pathlib.Path,
                                                                clip: pathlib.Path) -> None:
     disk = testdisk.make(work / "ntp.img", clip)
-    segment = Segment(tmp_path, "1", 0, 0)
+    segment = Segment(tmp_path, "1")
     with boot("ntp-server", provision="network=eth0 10.0.0.2/24\n",
               extra=(*segment.card(1), "-rtc", "base=2031-05-06T12:00:00")) as server:
         server.sh("ntpd -l")

@@ -27,7 +27,7 @@ def begin(guest: Guest, name: str, address: str) -> None:
 def test_the_other_machine_s_items(boot: qemu.Boot) -> None:
     """`ddxctl set` writes a struct on one machine, `ddxctl show` reads it on the other."""
     with tempfile.TemporaryDirectory(prefix="ddx-") as folder:
-        segment = Segment(pathlib.Path(folder), "1", 0.0, 0.0)
+        segment = Segment(pathlib.Path(folder), "1")
         with boot("laptop", extra=segment.card(1)) as laptop, boot("robot", extra=segment.card(0)) as robot:
             begin(laptop, "laptop", "10.0.0.2")
             begin(robot, "carol", "10.0.0.1")

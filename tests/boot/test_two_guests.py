@@ -15,11 +15,11 @@ from parts.media.recording import FileSystem
 
 from . import camera
 from .figures import Figure
-from .segment import Segment
+from .segment import MEDIA, REPAIR, REPORTS, Segment
 
 pytestmark = [pytest.mark.retry, pytest.mark.long]
 
-SEED, DROP, DUPLICATE = "17", 30.0, 10.0
+SEED, LOST, DOUBLED = "17", 0.3, 0.1
 QUIET, BAD = 2, 10  # s of the clip's 20 with a good network, then with a bad one
 END = 3  # s later the pictures are right again, after MPEG-4's next key frame
 SHOWN = 0.9  # share of the frames sent; reports of emulated machines are late
@@ -38,31 +38,37 @@ def packets(guest: Guest, instance: str) -> dict[str, int]:
     return dict(json.loads(guest.sh(f"ddxctl show {instance}.packets --json"))["value"])
 
 
+def delivered(segment: Segment, port: int) -> int:
+    return segment.flow(port).delivered
+
+
 def arrive(operator: Guest, segment: Segment) -> None:
     """Wait until packets on their way have reached ddxdecode's counters, which are written once a second; packets that
     do not arrive in time show up as missing."""
     end = time.monotonic() + 20
     while time.monotonic() < end:
         found = packets(operator, stream.DECODE)
-        if found["received"] >= segment.media.passed and found["repair_received"] >= segment.repair.passed:
+        if found["received"] >= delivered(segment, MEDIA) and found["repair_received"] >= delivered(segment, REPAIR):
             break
         time.sleep(1)
 
 
 def disagreements(segment: Segment, sent: dict[str, int], received: dict[str, int]) -> list[str]:
     """Counters at both ends that differ from the relay's."""
-    media, repair, reports = segment.media, segment.repair, segment.reports
+    media, repair, reports = map(segment.flow, (MEDIA, REPAIR, REPORTS))
     # A packet restored before ddxdecode reads it from the other socket counts as a duplicate.
-    early = received["duplicate"] - media.duplicated
+    early = received["duplicate"] - media.doubled
     never = received["lost"] - received["late"] + received["restored"] - early
     known = ("restored", "repair_useless", "repair_expired", "repair_refused", "repair_corrupt")
-    both = {"media packets sent": (sent["media"], media.came), "repair packets sent": (sent["repairs"], repair.came),
-            "packets sent": (sent["packets"], media.came + repair.came),
-            "media packets received": (received["received"], media.passed),
-            "repair packets received": (received["repair_received"], repair.passed),
-            "reports sent": (received["reports"], reports.came), "reports received": (sent["reports"], reports.passed),
-            "lost, restored, and not restored too early": (never, media.dropped),
-            "uses of repair packets": (sum(received[name] for name in known), repair.passed),
+    both = {"media packets sent": (sent["media"], media.packets),
+            "repair packets sent": (sent["repairs"], repair.packets),
+            "packets sent": (sent["packets"], media.packets + repair.packets),
+            "media packets received": (received["received"], media.delivered),
+            "repair packets received": (received["repair_received"], repair.delivered),
+            "reports sent": (received["reports"], reports.packets),
+            "reports received": (sent["reports"], reports.delivered),
+            "lost, restored, and not restored too early": (never, media.lost),
+            "uses of repair packets": (sum(received[name] for name in known), repair.delivered),
             "garbage and foreign": (received["garbage"] + received["foreign"], 0),
             "duplicates": (min(early, 0), 0),
             "forged": (received["repair_refused"] + received["repair_corrupt"] + received["repair_wrong"], 0)}
@@ -73,7 +79,7 @@ def test_a_stream_through_a_lossy_network(boot: qemu.Boot, work: pathlib.Path, c
                                         record_property: Figure) -> None:
     disk = testdisk.make(work / "robot.img", clip, {"ddxvideoload.conf": "readers=2\n"})
     with tempfile.TemporaryDirectory(prefix="ddx-") as folder:
-        segment = Segment(pathlib.Path(folder), SEED, DROP, DUPLICATE)
+        segment = Segment(pathlib.Path(folder), SEED, LOST, DOUBLED)
         with boot("operator", extra=segment.card(1)) as operator, \
                 boot("robot", test_disk=disk, extra=segment.card(0)) as robot:
             network(operator, "10.0.0.2")
@@ -95,13 +101,13 @@ def test_a_stream_through_a_lossy_network(boot: qemu.Boot, work: pathlib.Path, c
             session.stop_recorder(robot)
             result = session.collect(robot, clip, work / "two-recorded.y4m")
         segment.end()
-    record_property("network", {name: dataclasses.asdict(flow) for name, flow in {
-        "media": segment.media, "repair": segment.repair, "reports": segment.reports}.items()})
+    flows = {"media": segment.flow(MEDIA), "repair": segment.flow(REPAIR), "reports": segment.flow(REPORTS)}
+    record_property("network", {name: dataclasses.asdict(flow) for name, flow in flows.items()})
     record_property("decode_packets", received)
     assert result.good, result.disagreements  # the robot is not affected
-    assert all(flow.dropped > 10 and flow.duplicated > 3 for flow in (segment.media, segment.repair, segment.reports))
+    assert all(flow.lost > 10 and flow.doubled > 3 for flow in flows.values())
     assert disagreements(segment, sent, received) == []
-    assert received["restored"] > 0.8 * segment.media.dropped
+    assert received["restored"] > 0.8 * flows["media"].lost
 
     seen = stream.judge(work / "two-shown.y4m", work / "two-recorded.y4m", ends[stream.SEND], ends[stream.DECODE],
                         ends[stream.RECORDER])
@@ -116,9 +122,9 @@ def test_a_stream_through_a_lossy_network(boot: qemu.Boot, work: pathlib.Path, c
 def watch(robot: Guest, segment: Segment) -> float:
     """Wait until the clip has played, with a bad network in its middle; return the second when it was good again."""
     camera.wait_for_frames(robot, 25 * QUIET, session.LOAD)
-    segment.bad = True
+    segment.turn(bad=True)
     camera.wait_for_frames(robot, 25 * BAD, session.LOAD)
-    segment.bad = False
+    segment.turn(bad=False)
     mended = camera.stats(robot, session.LOAD).out / default_clip.RATE
     session.wait_for_clip(robot, 500)
     time.sleep(1)

@@ -148,14 +148,23 @@ def test_ipv6() -> None:
 @pytest.mark.strict
 def test_the_maximum_per_second() -> None:
     """In any interval of a second, not only in those of a clock."""
-    way, flow = RelayWay(0), Flow()
+    way = RelayWay(0)
     for number in range(40):
-        way.lost(flow, 100, number / 8)
+        assert way.copies(PORT, 100, number / 8) == 1
     assert way.peak == 8 * 100
     for now in (6.75, 7.0, 7.71875, 7.96875):
-        way.lost(flow, 5000, now)
+        way.copies(PORT, 5000, now)
     assert way.peak == 3 * 5000
-    assert flow == Flow(44, 40 * 100 + 4 * 5000)
+    assert way.flows == {PORT: Flow(44, 40 * 100 + 4 * 5000)}
+
+
+@pytest.mark.strict
+def test_a_way_loses_first_and_doubles_the_rest() -> None:
+    way = RelayWay(0)
+    way.lose(loss.EveryThird().judge(random.Random(1)), loss.EveryThird().judge(random.Random(2)))
+    copies = [way.copies(PORT, SIZE, number) for number in range(9)]
+    assert sorted(copies) == [0, 0, 0, 1, 1, 1, 1, 2, 2]
+    assert way.flows[PORT] == Flow(9, 9 * SIZE, lost=3, doubled=2)
 
 
 def runs(lost: list[bool]) -> list[int]:

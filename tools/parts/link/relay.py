@@ -93,23 +93,29 @@ class Flow:
     lost: int = 0
     delivered: int = 0
     delivered_bytes: int = 0
+    doubled: int = 0  # packets that were sent on twice
+
+
+def never(_: float) -> bool:
+    return False
 
 
 class Way:
-    """One direction between the robot and an operator."""
+    """One direction between two ends."""
 
     def __init__(self, target: int) -> None:
         self.target = target
         self.flows: dict[int, Flow] = {}
         self.second: collections.deque[tuple[float, int]] = collections.deque()  # packets of the last second
         self.load = self.peak = 0  # bytes in that second, and the maximum
-        self.judge, self.begin = loss.NOTHING.judge(random.Random()), 0.0
+        self.lose(never)
 
-    def lose(self, judge: loss.Judge) -> None:
-        self.judge, self.begin = judge, time.monotonic()
+    def lose(self, judge: loss.Judge, double: loss.Judge = never) -> None:
+        self.judge, self.double, self.begin = judge, double, time.monotonic()
 
-    def lost(self, flow: Flow, size: int, now: float) -> bool:
-        """Count a packet, and decide on it."""
+    def copies(self, port: int, size: int, now: float) -> int:
+        """Count a packet, and decide how often it is delivered."""
+        flow = self.flows.setdefault(port, Flow())
         flow.packets += 1
         flow.bytes += size
         self.second.append((now, size))
@@ -117,9 +123,17 @@ class Way:
         while self.second[0][0] <= now - 1:
             self.load -= self.second.popleft()[1]
         self.peak = max(self.peak, self.load)
-        lost = self.judge(now - self.begin)
-        flow.lost += lost
-        return lost
+        if self.judge(now - self.begin):
+            flow.lost += 1
+            return 0
+        if self.double(now - self.begin):
+            flow.doubled += 1
+            return 2
+        return 1
+
+    def arrived(self, port: int, size: int) -> None:
+        self.flows[port].delivered += 1
+        self.flows[port].delivered_bytes += size
 
     def counts(self) -> dict[str, Any]:
         return {"peak": self.peak, "ports": {port: dataclasses.asdict(flow) for port, flow in self.flows.items()}}
@@ -147,7 +161,7 @@ class Relay:
         self.switched = [Way(port.tap) for port in self.ports] if meet else []
         self.down = [Way(self.ports[1 + one].tap) for one in range(operators)]
         self.up = [Way(self.ports[0].tap) for _ in range(operators)]
-        self.waiting: collections.deque[tuple[float, Way, Flow | None, bytes]] = collections.deque()
+        self.waiting: collections.deque[tuple[float, Way, int | None, bytes]] = collections.deque()
         self.late = 0.0  # s, longest wait of a packet beyond its delay
 
     def ways(self, port: int, frame: bytes) -> list[Way]:
@@ -165,17 +179,13 @@ class Relay:
     def take(self, port: int, frame: bytes) -> None:
         now, to = time.monotonic(), udp_port(frame)
         for way in self.ways(port, frame):
-            flow = None
-            if to is not None:
-                flow = way.flows.setdefault(to, Flow())
-                if way.lost(flow, len(frame) - ETHERNET, now):
-                    continue
-            self.waiting.append((now + self.delay, way, flow, frame))
+            copies = 1 if to is None else way.copies(to, len(frame) - ETHERNET, now)
+            self.waiting.extend([(now + self.delay, way, to, frame)] * copies)
 
     def deliver(self) -> float | None:
         """Deliver all due packets; returns the seconds until the next one is due."""
         while self.waiting:
-            due, way, flow, frame = self.waiting[0]
+            due, way, to, frame = self.waiting[0]
             now = time.monotonic()
             if now < due:
                 return due - now
@@ -185,9 +195,8 @@ class Relay:
                 os.write(way.target, frame)
             except BlockingIOError:
                 continue  # not counted in `delivered`
-            if flow:
-                flow.delivered += 1
-                flow.delivered_bytes += len(frame) - ETHERNET
+            if to is not None:
+                way.arrived(to, len(frame) - ETHERNET)
         return None
 
     def read(self, port: int) -> None:
