@@ -3,9 +3,20 @@
 #ifndef DDXCATALOG_OUTLET_H
 #define DDXCATALOG_OUTLET_H
 
-#include "sender.h"
+#include <standard.h>
+
+#include "state.h"
 
 struct outlet;
+
+/* Source and destination of the values. All objects are the caller's and must outlive the outlet. */
+struct sender_source {
+    const struct config_rule *rule;
+    const char *item;
+    const struct form *form;   /* of the item's current layout */
+    struct standard *standard; /* the message; NULL: the item's own type, with sequence numbers */
+    struct network_writer *writer;
+};
 
 /*
  * `source->writer` is ignored. The outlet takes ownership of `standard`, also on failure; the caller's other objects in

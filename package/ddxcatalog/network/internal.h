@@ -28,9 +28,6 @@ struct network {
     struct network_share *shares;
 };
 
-/* The addresses at which other machines can reach this one, of one interface or (NULL) of all. Returns their number. */
-unsigned network_addresses(const char *interface, uint32_t address[NETWORK_ADDRESSES]);
-
 /* While true, the bytes of packets that this thread sends are those of a value: they are added to network_sent. */
 extern __thread bool network_sends;
 extern __thread size_t network_sent;
