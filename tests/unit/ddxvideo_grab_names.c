@@ -2,7 +2,7 @@
 /* Names of sizes, standards and inputs as people type them; shapes of pixels. */
 #include "check.h"
 #include "geometry.h"
-#include "input.h"
+#include "device.h"
 
 static void test_sizes(void) {
     static const struct {

@@ -48,4 +48,15 @@ int device_give(struct device *device, struct v4l2_buffer *buffer);
 /* ioctl() that returns -errno, and is repeated after a signal. */
 int device_ioctl(int fd, unsigned long request, void *argument);
 
+/* ---- The socket of a frame grabber, and the television standard ---- */
+
+/* "PAL", "NTSC", "SECAM" in any case; false: another name. */
+bool input_parse_standard(const char *text, v4l2_std_id *standard);
+
+/* Whether a camera's input is meant by `text`: its number, its name, or how its name begins, in any case. */
+bool input_is_meant(const struct v4l2_input *input, const char *text);
+
+/* Select both; NULL: no change (the standard: that of the signal, if it can be detected). 0 or -errno, and `why`. */
+int input_select(int fd, const char *input, const char *standard, char *why, size_t size);
+
 #endif

@@ -14,7 +14,6 @@
 #include "device.h"
 #include "geometry.h"
 #include "grabber.h"
-#include "input.h"
 #include "negotiate.h"
 #include "reorder.h"
 

@@ -7,7 +7,6 @@
 
 #include "fraction.h"
 #include "geometry.h"
-#include "input.h"
 
 /* The best first: a copy, chroma taken apart, chroma averaged, decoded, made of RGB; grey has no colour. */
 static const struct {
