@@ -4,7 +4,6 @@
 #include <stddef.h>
 #include <string.h>
 
-#include "../../package/ddx/lib/expression.h"
 #include "../../package/ddx/lib/memory.h"
 #include "../../package/ddx/lib/type.h"
 #include "check.h"
@@ -144,7 +143,7 @@ static void test_refused(void) {
 static void test_expressions(void) {
     static const struct {
         const char *text;
-        int64_t value;
+        uint32_t value;
     } cases[] = {{"1920*1080", 2073600},
                  {"(1920*1080)/4", 518400},
                  {"1+2*3", 7},
@@ -158,12 +157,13 @@ static void test_expressions(void) {
                  {"7-2-1", 4},
                  {"010", 8}};
     for (size_t i = 0; i < sizeof cases / sizeof cases[0]; i++) {
-        const char *text = cases[i].text;
-        int64_t value;
+        struct ddx_layout *layout;
+        char text[80];
 
-        CHECK_EQUAL(ddx_expression(&text, &value), 0);
-        CHECK_EQUAL(value, cases[i].value);
-        CHECK_EQUAL(*text, 0);
+        snprintf(text, sizeof text, "struct { char a[%s]; }", cases[i].text);
+        CHECK_EQUAL(ddx_layout_parse(text, &layout), 0);
+        CHECK_EQUAL(layout->field[0].count, cases[i].value);
+        free(layout);
     }
 }
 

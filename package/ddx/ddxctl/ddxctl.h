@@ -23,7 +23,6 @@ int command_show(DDX_STORE_ID *id, const struct request *request);
 int command_set(DDX_STORE_ID *id, const struct request *request);
 int command_watch(DDX_STORE_ID *id, const struct request *request);
 int command_record(DDX_STORE_ID *id, const struct request *request);
-int command_stats(DDX_STORE_ID *id, const struct request *request);
 
 /* "ddxctl: item: text" on stderr; returns 1. */
 int complain(const char *item, int error);

@@ -1,5 +1,5 @@
 /* SPDX-License-Identifier: GPL-2.0-or-later */
-/* The fields of a type, for form.c, schema.c and declaration.c. */
+/* The fields of a type, for form.c and schema.c. */
 #ifndef DDX_FIELDS_H
 #define DDX_FIELDS_H
 
@@ -21,11 +21,6 @@ struct form_fields {
     unsigned count;
 };
 
-/* The text of a C declaration, and a list of its extents; the caller frees them. NULL: no memory. */
-char *form_declaration(const struct form_fields *fields);
-char *form_extents(const struct form_fields *fields);
-/* The reverse; the caller frees fields->field; offsets are 0. -EINVAL, -ENOMEM. */
-int form_parse(const char *declaration, const char *extents, struct form_fields *fields);
 /* A ros2msg schema, and its name; the caller frees them. NULL: no memory. */
 char *form_schema(const struct form_fields *fields, const char *type);
 char *form_schema_name(const char *type);

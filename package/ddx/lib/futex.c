@@ -4,9 +4,19 @@
 #include <limits.h>
 #include <linux/futex.h>
 #include <sys/syscall.h>
+#include <time.h>
 #include <unistd.h>
 
+#include "ddx.h"
+
 #define SECOND 1000000000
+
+DDX_HOT DDX_TIME ddx_time_now(void) {
+    struct timespec now;
+
+    clock_gettime(CLOCK_MONOTONIC, &now);
+    return (DDX_TIME)now.tv_sec * SECOND + now.tv_nsec;
+}
 
 /* The kernel's own time structure; libc's differs on 32 bits. */
 struct kernel_time {

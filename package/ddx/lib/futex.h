@@ -1,5 +1,5 @@
 /* SPDX-License-Identifier: LGPL-2.1-or-later */
-/* Sleeping on words in shared memory, with absolute deadlines. */
+/* Sleeping on words in shared memory, with absolute deadlines. futex.c also has ddx_time_now(). */
 #ifndef DDX_FUTEX_H
 #define DDX_FUTEX_H
 

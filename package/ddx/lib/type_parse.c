@@ -6,12 +6,121 @@
  */
 #include <ctype.h>
 #include <errno.h>
+#include <stdbool.h>
+#include <stdint.h>
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
 
-#include "expression.h"
 #include "type.h"
+
+/* ---- Constant integer expressions, as in array bounds after the preprocessor: "(1920*1080)/4" ---- */
+
+#define DEPTH_MAX 32
+
+/* Binary operators, the tightest last. */
+static const struct {
+    char sign[3];
+    int level;
+} operators[] = {{"|", 1}, {"^", 2}, {"&", 3}, {"<<", 4}, {">>", 4}, {"+", 5}, {"-", 5}, {"*", 6}, {"/", 6}, {"%", 6}};
+
+static int binary(const char **text, int level, int depth, int64_t *value);
+
+static void skip_space(const char **text) {
+    while (isspace((unsigned char)**text))
+        (*text)++;
+}
+
+static int primary(const char **text, int depth, int64_t *value) {
+    skip_space(text);
+    if (depth > DEPTH_MAX)
+        return -EINVAL;
+    char c = **text;
+    if (c == '(') {
+        (*text)++;
+        int result = binary(text, 1, depth + 1, value);
+        skip_space(text);
+        if (result || **text != ')')
+            return -EINVAL;
+        (*text)++;
+        return 0;
+    }
+    if (c == '-' || c == '+' || c == '~') {
+        (*text)++;
+        int result = primary(text, depth + 1, value);
+        if (!result && c == '-' && __builtin_sub_overflow((int64_t)0, *value, value))
+            return -EINVAL;
+        if (c == '~')
+            *value = ~*value;
+        return result;
+    }
+    if (!isdigit((unsigned char)c))
+        return -EINVAL;
+    char *end;
+    errno = 0;
+    *value = strtoll(*text, &end, 0);
+    if (errno)
+        return -EINVAL;
+    while (*end && strchr("uUlL", *end))
+        end++;
+    *text = end;
+    return 0;
+}
+
+static int apply(const char *sign, int64_t *left, int64_t right) {
+    bool shift_ok = right >= 0 && right < 62 && *left >= 0;
+
+    switch (*sign) {
+    case '|': *left |= right; return 0;
+    case '^': *left ^= right; return 0;
+    case '&': *left &= right; return 0;
+    case '<':
+        if (!shift_ok || *left > INT64_MAX >> right)
+            return -EINVAL;
+        *left <<= right;
+        return 0;
+    case '>':
+        if (!shift_ok)
+            return -EINVAL;
+        *left >>= right;
+        return 0;
+    case '+': return __builtin_add_overflow(*left, right, left) ? -EINVAL : 0;
+    case '-': return __builtin_sub_overflow(*left, right, left) ? -EINVAL : 0;
+    case '*': return __builtin_mul_overflow(*left, right, left) ? -EINVAL : 0;
+    default: break;
+    }
+    if (right == 0 || (right == -1 && *left == INT64_MIN))
+        return -EINVAL;
+    *left = *sign == '/' ? *left / right : *left % right;
+    return 0;
+}
+
+static int binary(const char **text, int level, int depth, int64_t *value) {
+    int result = primary(text, depth, value);
+
+    while (!result) {
+        size_t i = 0, count = sizeof operators / sizeof operators[0];
+
+        skip_space(text);
+        while (i < count && strncmp(*text, operators[i].sign, strlen(operators[i].sign)) != 0)
+            i++;
+        if (i == count || operators[i].level < level)
+            return 0;
+        *text += strlen(operators[i].sign);
+        int64_t right;
+        result = binary(text, operators[i].level + 1, depth + 1, &right);
+        if (!result)
+            result = apply(operators[i].sign, value, right);
+    }
+    return result;
+}
+
+/* Evaluate the expression at *text and move *text after it. -EINVAL: not understood, overflow, division by zero. */
+static int expression(const char **text, int64_t *value) {
+    return binary(text, 1, 0, value);
+}
+
+/* ---- Types ---- */
 
 #define NESTING_MAX 8
 
@@ -55,13 +164,8 @@ static const struct {
     {"float", BASE(FLOAT, float)},
 };
 
-static void skip_space(struct parser *p) {
-    while (isspace((unsigned char)*p->at))
-        p->at++;
-}
-
 static bool accept(struct parser *p, char c) {
-    skip_space(p);
+    skip_space(&p->at);
     if (*p->at != c)
         return false;
     p->at++;
@@ -72,7 +176,7 @@ static bool accept(struct parser *p, char c) {
 static bool word(struct parser *p, char name[DDX_NAME_MAX + 1]) {
     size_t length = 0;
 
-    skip_space(p);
+    skip_space(&p->at);
     if (!isalpha((unsigned char)*p->at) && *p->at != '_')
         return false;
     while (isalnum((unsigned char)p->at[length]) || p->at[length] == '_')
@@ -144,7 +248,7 @@ static int type(struct parser *p, struct base *base) {
     const char *first;
 
     do {
-        skip_space(p);
+        skip_space(&p->at);
         first = p->at;
         if (!word(p, name))
             return -EINVAL;
@@ -174,7 +278,7 @@ static int bounds(struct parser *p, uint64_t *count) {
     *count = 1;
     while (accept(p, '[')) {
         int64_t bound;
-        int result = ddx_expression(&p->at, &bound);
+        int result = expression(&p->at, &bound);
 
         if (result)
             return result;
@@ -303,7 +407,7 @@ static int parse(struct parser *p, struct ddx_layout **layout) {
     if (!p->layout)
         return -ENOMEM;
     int result = type(p, &base);
-    skip_space(p);
+    skip_space(&p->at);
     if (!result && *p->at)
         result = -EINVAL;
     if (!result && (result = resolve(p->layout, 0, p->layout->field_count, "", 0)))
