@@ -86,7 +86,7 @@ static void hangs(void) {
 
 /* A request that kills each worker: its sender is no longer served, the other programs are. */
 static void poison(void) {
-    setenv("DDX_BROKEN", "poison", 1);
+    setenv("DDX_BROKEN", "one-kind-of-request-kills-the-store-s-worker", 1);
     store_begin(NULL);
     unsetenv("DDX_BROKEN");
     struct puppet *writer = puppet_begin(NULL), *reader = puppet_begin(NULL), *poisoner = puppet_begin(NULL);
