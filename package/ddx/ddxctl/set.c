@@ -68,7 +68,7 @@ static const char *no_such_field(const DDX_STORE_ITEM *item, int length, const c
 }
 
 /* Follow the path "a[1].b.c[2]" field by field; `end` is the byte after it. */
-static const char *find(const DDX_STORE_ITEM *item, const char *path, const char *end, struct place *place) {
+static const char *find_place(const DDX_STORE_ITEM *item, const char *path, const char *end, struct place *place) {
     char name[DDX_NAME_MAX + 1] = "";
     const char *at = path;
     uint64_t inside = 0, index;
@@ -195,7 +195,7 @@ static const char *change_field(const DDX_STORE_ITEM *item, void *data, const ch
     if (!*ddx_store_field(item, 0)->name && !strncmp(change, "value=", 6))
         path = end; /* not a struct: the only field has no name */
     snprintf(asked, sizeof asked, "%.*s", (int)(end - change), change);
-    const char *bad = find(item, path, end, &place);
+    const char *bad = find_place(item, path, end, &place);
     if (bad)
         return bad;
     char *to = apply ? (char *)data + place.offset : NULL;

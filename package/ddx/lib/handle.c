@@ -54,7 +54,7 @@ int ddx_connection_open(DDX_STORE_ITEM *item) {
     if (fd < 0)
         return fd == -EPERM ? -ECONNREFUSED : fd; /* the true store may come back */
     item->socket = fd;
-    item->deaf = false;
+    item->lost_files = false;
     item->heard = 0;
     return 0;
 }

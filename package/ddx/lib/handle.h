@@ -100,7 +100,7 @@ struct ddx_store_item {
     uint32_t layouts;          /* number of layouts before it */
     struct ddx_layout *own;    /* the caller's struct; NULL if the library does not know it */
     struct ddx_field *fields;  /* of the layout, for ddx_store_field() */
-    bool deaf;                 /* no free descriptor: a message of this connection arrived without its files */
+    bool lost_files;           /* no free descriptor: a message of this connection arrived without its files */
     int socket;                /* -1: no connection; the keeper tries again */
     int64_t retry;             /* time of the next attempt */
     struct ddx_queue queue;    /* messages that the socket does not take yet; the keeper sends them */

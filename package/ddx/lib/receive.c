@@ -143,7 +143,7 @@ static void handle(DDX_STORE_ITEM *item, struct ddx_packet *packet) {
     item->heard = m->number ? m->number : item->heard;
     /* A reader without a descriptor for an announced file must get the announcement again when descriptors are free. */
     if (packet->cut && (m->operation == DDX_EPOCH || (m->operation == DDX_SLOT && m->flags == DDX_FLAG_READER)))
-        item->deaf = true;
+        item->lost_files = true;
     switch (m->operation) {
     case DDX_OPENED:
         if ((layout = ddx_packet_layout(packet)) && ddx_item_set_layout(item, layout))
@@ -180,10 +180,10 @@ int ddx_item_service(DDX_STORE_ITEM *item) {
     }
     if (any)
         ddx_futex_change(&item->changed);
-    if (result >= 0 && !item->deaf)
+    if (result >= 0 && !item->lost_files)
         return 0;
     ddx_item_disconnect(item);
-    if (item->deaf) /* there may be descriptors next time; the store then announces everything again */
+    if (item->lost_files) /* there may be descriptors next time; the store then announces everything again */
         item->retry += DDX_RETRY;
     return -EPIPE;
 }

@@ -35,7 +35,8 @@ static uint64_t sequence_of(const struct ddx_slot_state *state) {
  * A reader with a share of one frame that pins two slots is lying about one of them. The other pin is read last: an
  * honest reader has cleared it before it set the one that was found.
  */
-DDX_COLD static bool lies(const struct ddx_ring_writer *writer, const struct ddx_ring_reader *reader, unsigned k) {
+DDX_COLD static bool has_two_pins(const struct ddx_ring_writer *writer, const struct ddx_ring_reader *reader,
+                                  unsigned k) {
     uint32_t other = atomic_load(&reader->page->pin[DDX_PIN_READ]);
 
     return k != DDX_PIN_READ && reader->share == 1 && other && other >> 8 == (writer->epoch & 0xffffffu);
@@ -46,7 +47,7 @@ DDX_HOT static bool pinned(const struct ddx_ring_writer *writer, unsigned slot) 
 
     for (unsigned i = 0; i < writer->reader_count; i++)
         for (unsigned k = 0; k < DDX_PINS; k++)
-            if (atomic_load(&writer->reader[i].page->pin[k]) == pin && !lies(writer, &writer->reader[i], k))
+            if (atomic_load(&writer->reader[i].page->pin[k]) == pin && !has_two_pins(writer, &writer->reader[i], k))
                 return true;
     return false;
 }

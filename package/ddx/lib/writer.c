@@ -28,7 +28,7 @@ int ddx_writer_claim(DDX_STORE_ITEM *item) {
     if (result) {
         /* Drop files that arrived before the store died: readers do not know them, so they are useless. */
         ddx_writer_end(&item->writer);
-        return item->deaf ? -EMFILE : result;
+        return item->lost_files ? -EMFILE : result;
     }
     DDX_PASS(CLAIM_GRANTED);
     return item->writer.term && item->writer.ring.slot_count >= 2 ? 0 : -EMFILE;

@@ -3,7 +3,8 @@
 
 #include <string.h>
 
-#define NS 1000000000
+#include "ddx_time.h"
+
 #define SECONDS_MAX UINT64_C(9000000000) /* 285 years, in ns just below 2^63 */
 
 int64_t schedule_scale(int64_t a, uint32_t b, uint32_t c) {
@@ -21,7 +22,7 @@ int64_t schedule_offset(uint64_t index, uint32_t num, uint32_t den) {
     uint64_t seconds = part / num, rest = part % num;
     if (a > SECONDS_MAX / den || a * den + seconds > SECONDS_MAX)
         return INT64_MAX;
-    return (int64_t)((a * den + seconds) * NS + rest * NS / num);
+    return (int64_t)((a * den + seconds) * SECOND + rest * SECOND / num);
 }
 
 bool schedule_parse_speed(const char *text, struct schedule_speed *speed) {
@@ -34,7 +35,7 @@ bool schedule_parse_speed(const char *text, struct schedule_speed *speed) {
             decimals = true;
             continue;
         }
-        if (*text < '0' || *text > '9' || den == NS / 1000 || value > UINT32_MAX)
+        if (*text < '0' || *text > '9' || den == SECOND / 1000 || value > UINT32_MAX)
             return false;
         value = value * 10 + (uint64_t)(*text - '0');
         digits = true;

@@ -91,7 +91,7 @@ static uint32_t take_out(struct heap *heap, struct block *block) {
     return spare->fresh;
 }
 
-static struct block *find(const struct heap *heap, uint32_t size) {
+static struct block *find_free(const struct heap *heap, uint32_t size) {
     unsigned bin = bin_of(size);
     struct spare *spare = heap->bin[bin];
 
@@ -147,7 +147,7 @@ static void *heap_allocate(struct heap *heap, size_t bytes, void *owner) {
     uint32_t size = (uint32_t)((bytes + sizeof(struct block) + UNIT - 1) / UNIT);
     if (size < LEAST)
         size = LEAST;
-    struct block *block = find(heap, size);
+    struct block *block = find_free(heap, size);
     block = block ? cut(heap, block, size) : extend(heap, size);
     if (!block)
         return NULL;

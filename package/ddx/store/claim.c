@@ -240,10 +240,10 @@ void writer_ready(struct client *client, const struct ddx_message *m) {
         epoch->slot_ready[m->index] = true;
         if (epoch == item->epoch) {
             notify_slot_to_all(item, m->index);
-            struct ddx_message told = {.operation = DDX_SLOT, .epoch = epoch->number, .index = m->index};
+            struct ddx_message answer = {.operation = DDX_SLOT, .epoch = epoch->number, .index = m->index};
 
-            told.flags = DDX_FLAG_READER | DDX_FLAG_WRITER;
-            client_send(client, &told, NULL, NULL, 0);
+            answer.flags = DDX_FLAG_READER | DDX_FLAG_WRITER;
+            client_send(client, &answer, NULL, NULL, 0);
             readers_count(item);
         }
     }

@@ -42,9 +42,9 @@ void processes_sweep(struct store *store) {
 }
 
 void process_report(struct process *process) {
-    if (!process->account.refused || process->told)
+    if (!process->account.refused || process->is_reported)
         return;
-    process->told = true;
+    process->is_reported = true;
     log_line("%d is refused: the names, types and messages that the store keeps for it take %zu KiB, and one program "
              "gets no more; it has to close some of its items",
              (int)process->pid, CHECKPOINT_SHARE >> 10);

@@ -39,9 +39,9 @@ struct process {
     int32_t pid; /* 0: all processes of other pid name spaces together */
     unsigned clients;
     struct checkpoint_account account;
-    bool told;      /* the log has the line that it got no more memory */
-    uint32_t turn;  /* turn of the worker that last handled a message of it */
-    unsigned heard; /* messages handled in that turn */
+    bool is_reported; /* the log has the line that it got no more memory */
+    uint32_t turn;    /* turn of the worker that last handled a message of it */
+    unsigned heard;   /* messages handled in that turn */
 };
 
 struct client {
