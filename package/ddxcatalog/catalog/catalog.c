@@ -172,7 +172,7 @@ static int write_value(struct accepted *accepted, const unsigned char *message, 
     return ddx_store_publish(accepted->item, NULL);
 }
 
-static void take(void *argument, uint64_t writer, const unsigned char *message, size_t size) {
+static void take_message(void *argument, uint64_t writer, const unsigned char *message, size_t size) {
     (void)writer;
     struct accepted *accepted = argument;
     DDX_STATS_BOOK *book = accepted->catalog->book;
@@ -189,7 +189,7 @@ static void take(void *argument, uint64_t writer, const unsigned char *message, 
 static void ready(void *argument) {
     struct accepted *accepted = argument;
 
-    network_read(accepted->reader, take, accepted);
+    network_read(accepted->reader, take_message, accepted);
 }
 
 static void close_accepted(struct accepted *accepted) {
@@ -324,16 +324,16 @@ static void records_changed(void *argument) {
 
 /* Without a time limit: a robot may start before its network. */
 static bool join(struct catalog *catalog) {
-    bool told = false;
+    bool is_reported = false;
 
     for (;;) {
         int error = network_open(&catalog->config.network, &catalog->network);
 
         if (!error)
             return true;
-        if (!told)
+        if (!is_reported)
             say("the network cannot be used: %s; trying again", strerror(-error));
-        told = true;
+        is_reported = true;
         if (!program_sleep_until(ddx_time_now() + LOOK_NS, catalog->book))
             return false;
     }

@@ -20,7 +20,7 @@ struct clock {
     int64_t sent;
 };
 
-static void take(void *argument, const struct network_stamps *stamps) {
+static void take_stamps(void *argument, const struct network_stamps *stamps) {
     struct catalog *catalog = argument;
     struct machine *machine = machines_find(directory_machines(catalog->directory), stamps->machine);
     int64_t now = ddx_time_now();
@@ -37,7 +37,7 @@ static void take(void *argument, const struct network_stamps *stamps) {
 static void come(void *argument) {
     struct clock *clock = argument;
 
-    network_clock_read(clock->network, take, clock->catalog);
+    network_clock_read(clock->network, take_stamps, clock->catalog);
 }
 
 struct clock *clock_open(struct catalog *catalog) {

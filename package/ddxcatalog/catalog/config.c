@@ -2,6 +2,7 @@
 #include "config.h"
 
 #include <ddx.h>
+#include <ddx_time.h>
 #include <fnmatch.h>
 #include <name.h>
 #include <schedule.h>
@@ -9,7 +10,6 @@
 #include <stdlib.h>
 #include <string.h>
 
-#define NS INT64_C(1000000000)
 #define DOMAIN_MAX 232 /* above, ports of DDS would be above 65535 */
 
 static int read_rate(const struct config_file *line, const char *word, const char *rate, struct config_rule *rule) {
@@ -18,7 +18,7 @@ static int read_rate(const struct config_file *line, const char *word, const cha
     if (!schedule_parse_speed(rate, &speed) || !speed.num)
         return config_wrong(line, "%s: a number above 0, up to 1000, is allowed; without rate= every value is sent",
                             word);
-    rule->period = schedule_scale(NS, speed.den, speed.num);
+    rule->period = schedule_scale(SECOND, speed.den, speed.num);
     return 0;
 }
 

@@ -16,8 +16,8 @@ struct directory {
     struct remote *first;
     struct machines machines;
     uint64_t changes, refused;
-    size_t bytes; /* of all records */
-    int64_t told; /* time of the last line on refused records; 0: none yet */
+    size_t bytes;     /* of all records */
+    int64_t reported; /* time of the last line on refused records; 0: none yet */
 };
 
 static const struct identity *own(const struct directory *directory) {
@@ -140,9 +140,9 @@ void directory_refuse(struct directory *directory, uint64_t count, uint64_t mach
     int64_t now = ddx_time_now();
 
     directory->refused += count;
-    if (!count || (directory->told && now - directory->told < TELL_NS))
+    if (!count || (directory->reported && now - directory->reported < TELL_NS))
         return;
-    directory->told = now;
+    directory->reported = now;
     if (!machine) {
         say("announcements of other machines are left out: there are too many, or they are too large; %llu until now",
             (unsigned long long)directory->refused);

@@ -68,7 +68,7 @@ static bool is_repeated(const struct mirror *mirror, uint64_t writer, const stru
            (envelope->sequence == mirror->sequence || writer != mirror->writer);
 }
 
-static void take(void *argument, uint64_t writer, const unsigned char *message, size_t size) {
+static void take_message(void *argument, uint64_t writer, const unsigned char *message, size_t size) {
     struct mirror *mirror = argument;
     struct envelope envelope;
     int64_t begin = ddx_time_now();
@@ -91,7 +91,7 @@ static void take(void *argument, uint64_t writer, const unsigned char *message, 
 static void ready(void *argument) {
     struct mirror *mirror = argument;
 
-    network_read(mirror->reader, take, mirror);
+    network_read(mirror->reader, take_message, mirror);
 }
 
 static int subscribe(struct mirror *mirror, const struct remote *remote) {
@@ -155,7 +155,7 @@ static int open_mirror(struct mirror *mirror, const struct remote *remote) {
     return error;
 }
 
-static struct mirror *find(struct mirrors *mirrors, const char *name) {
+static struct mirror *find_mirror(struct mirrors *mirrors, const char *name) {
     struct mirror *mirror = mirrors->first;
 
     while (mirror && strcmp(mirror->name, name))
@@ -183,7 +183,7 @@ int mirrors_want(struct mirrors *mirrors, const char *name) {
         return error;
     if (remote->message_size > MESSAGE_MAX)
         return -EFBIG;
-    struct mirror *mirror = find(mirrors, name);
+    struct mirror *mirror = find_mirror(mirrors, name);
     if (!mirror && !(mirror = add(mirrors, name)))
         return -ENOMEM;
     if (mirror->version != remote->version) {
@@ -214,7 +214,8 @@ void mirrors_look(struct mirrors *mirrors, const struct ddx_item_info *items, un
     int64_t now = ddx_time_now();
 
     for (unsigned i = 0; i < count; i++) /* items of a previous catalog, or read again after a pause */
-        if (strchr(items[i].name, ':') && items[i].readers && !items[i].writer_pid && !find(mirrors, items[i].name))
+        if (strchr(items[i].name, ':') && items[i].readers && !items[i].writer_pid &&
+            !find_mirror(mirrors, items[i].name))
             mirrors_want(mirrors, items[i].name);
 
     for (struct mirror **at = &mirrors->first; *at;) {

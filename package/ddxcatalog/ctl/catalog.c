@@ -97,7 +97,7 @@ static void print_json(const struct ddx_item_info *all, unsigned count) {
 }
 
 /* Read the newest value. */
-static int take(DDX_STORE_ID *id, const char *name, const char *type, void *value, size_t size) {
+static int read_value(DDX_STORE_ID *id, const char *name, const char *type, void *value, size_t size) {
     DDX_STORE_ITEM *item = ddx_store_lookup_item(id, name, NULL, 0);
     int error = item ? strcmp(ddx_store_item_type(item), type) ? -EPROTOTYPE : 0 : -errno;
 
@@ -110,10 +110,10 @@ static int take(DDX_STORE_ID *id, const char *name, const char *type, void *valu
 static int show(DDX_STORE_ID *id, bool json) {
     struct ddx_item_info *all;
     unsigned count;
-    int error = take(id, TABLE_MACHINES, "CATALOG_MACHINES", &machines, sizeof machines);
+    int error = read_value(id, TABLE_MACHINES, "CATALOG_MACHINES", &machines, sizeof machines);
 
     if (!error && *machines.name)
-        error = take(id, TABLE_ITEMS, "CATALOG_ITEMS", &items, sizeof items);
+        error = read_value(id, TABLE_ITEMS, "CATALOG_ITEMS", &items, sizeof items);
     if (error == -ENOENT || error == -ETIMEDOUT || (!error && !*machines.name))
         return failed("no catalog runs here, or it waits for the network");
     if (!error)

@@ -1,7 +1,8 @@
 /* SPDX-License-Identifier: GPL-2.0-or-later */
 #include "bucket.h"
 
-#define NS INT64_C(1000000000)
+#include <ddx_time.h>
+
 #define BURST 4      /* a quarter of a second's bytes may be sent at once */
 #define SHARE 2      /* half of the bytes are for packets without new values */
 #define PACKET 1344  /* bytes of a message in a packet */
@@ -9,7 +10,7 @@
 
 void bucket_begin(struct bucket *bucket, uint64_t rate, int64_t now) {
     *bucket = (struct bucket){.rate = (int64_t)rate, .time = now};
-    bucket->small = bucket->large = bucket->rate * (NS / BURST);
+    bucket->small = bucket->large = bucket->rate * (SECOND / BURST);
     bucket->other = bucket->large / SHARE;
     pthread_mutex_init(&bucket->lock, NULL);
 }
@@ -21,8 +22,8 @@ static void add(int64_t *bytes, int64_t more, int64_t most) {
 }
 
 static void fill(struct bucket *bucket, int64_t now) {
-    int64_t most = bucket->rate * (NS / BURST), passed = now - bucket->time;
-    int64_t more = bucket->rate * (passed < 0 ? 0 : passed > NS ? NS : passed);
+    int64_t most = bucket->rate * (SECOND / BURST), passed = now - bucket->time;
+    int64_t more = bucket->rate * (passed < 0 ? 0 : passed > SECOND ? SECOND : passed);
 
     add(&bucket->small, more, most);
     add(&bucket->large, more, most);
@@ -31,7 +32,7 @@ static void fill(struct bucket *bucket, int64_t now) {
 }
 
 void bucket_grant(struct bucket *bucket, size_t bytes) {
-    int64_t more = (int64_t)bytes * NS;
+    int64_t more = (int64_t)bytes * SECOND;
 
     pthread_mutex_lock(&bucket->lock);
     bucket->small += more;
@@ -41,7 +42,7 @@ void bucket_grant(struct bucket *bucket, size_t bytes) {
 }
 
 static int64_t cost_of(size_t bytes) {
-    return (int64_t)(bytes + OVERHEAD * (1 + bytes / PACKET)) * NS;
+    return (int64_t)(bytes + OVERHEAD * (1 + bytes / PACKET)) * SECOND;
 }
 
 bool bucket_take(struct bucket *bucket, size_t bytes, int64_t now) {
@@ -64,7 +65,7 @@ bool bucket_take(struct bucket *bucket, size_t bytes, int64_t now) {
 }
 
 void bucket_correct(struct bucket *bucket, size_t bytes, size_t sent) {
-    int64_t more = (int64_t)sent * NS - cost_of(bytes);
+    int64_t more = (int64_t)sent * SECOND - cost_of(bytes);
 
     if (!bucket->rate)
         return;
@@ -76,7 +77,7 @@ void bucket_correct(struct bucket *bucket, size_t bytes, size_t sent) {
 }
 
 bool bucket_take_other(struct bucket *bucket, size_t sent, int64_t now) {
-    int64_t cost = (int64_t)sent * NS;
+    int64_t cost = (int64_t)sent * SECOND;
 
     if (!bucket->rate)
         return true;

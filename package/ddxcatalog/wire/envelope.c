@@ -1,13 +1,13 @@
 /* SPDX-License-Identifier: GPL-2.0-or-later */
 #include "envelope.h"
 
+#include <ddx_time.h>
 #include <endian.h>
 #include <errno.h>
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
 
-#define NS INT64_C(1000000000)
 #define FIXED 12 /* stamp, length of the name */
 
 static const char before[] = "std_msgs/Header header\nuint64 sequence\nint64 monotonic_ns\n";
@@ -42,8 +42,8 @@ unsigned char *envelope_write(const struct envelope *envelope, unsigned char *me
     unsigned char *at = message + FORM_HEADER;
 
     memcpy(message, header, sizeof header);
-    put(&at, (uint64_t)(envelope->wall / NS), 4);
-    put(&at, (uint64_t)(envelope->wall % NS), 4);
+    put(&at, (uint64_t)(envelope->wall / SECOND), 4);
+    put(&at, (uint64_t)(envelope->wall % SECOND), 4);
     put(&at, length, 4);
     memset(at, 0, aligned(FIXED + length) - FIXED);
     memcpy(at, envelope->machine, length);
@@ -67,7 +67,7 @@ const unsigned char *envelope_read(const struct form *form, const unsigned char 
     size_t needed = FORM_HEADER + begin + fields;
     if (size < needed || size > ((needed + 3) & ~(size_t)3)) /* DDS pads messages to four bytes */
         return NULL;
-    envelope->wall = (int64_t)(int32_t)get(at, 4) * NS + (int64_t)get(at + 4, 4);
+    envelope->wall = (int64_t)(int32_t)get(at, 4) * SECOND + (int64_t)get(at + 4, 4);
     envelope->sequence = get(at + begin - 16, 8);
     envelope->monotonic = (int64_t)get(at + begin - 8, 8);
     return at + begin;

@@ -1,6 +1,7 @@
 /* SPDX-License-Identifier: GPL-2.0-or-later */
 #include "standard.h"
 
+#include <ddx_time.h>
 #include <endian.h>
 #include <errno.h>
 #include <stdio.h>
@@ -13,7 +14,6 @@
 #define HEADER "std_msgs/Header"
 #define STAMPED HEADER " header\n"
 #define FIXED 12 /* a time stamp, length of the name */
-#define NS INT64_C(1000000000)
 
 static const struct message {
     const char *type, *fields;
@@ -229,8 +229,8 @@ static size_t aligned(size_t at, size_t bytes) {
 static size_t put_header(const char *machine, int64_t wall, unsigned char *message, size_t at) {
     size_t length = strlen(machine) + 1;
 
-    at = put(message, at, (uint32_t)(wall / NS));
-    at = put(message, at, (uint32_t)(wall % NS));
+    at = put(message, at, (uint32_t)(wall / SECOND));
+    at = put(message, at, (uint32_t)(wall % SECOND));
     at = put(message, at, (uint32_t)length);
     memcpy(message + at, machine, length);
     return at + length;
