@@ -198,9 +198,9 @@ static void file_put_losses(struct disk *disk, bool all) {
 
         for (int k = 0; k < 3; k++)
             sum += lost[k] = atomic_load(&item->lost[k]);
-        if (!all && sum == item->told)
+        if (!all && sum == item->reported)
             continue;
-        item->told = sum;
+        item->reported = sum;
         char text[400], name[DDX_NAME_MAX + 1];
         printable(item->name, name);
         int size = snprintf(text, sizeof text,
@@ -209,7 +209,7 @@ static void file_put_losses(struct disk *disk, bool all) {
                             name, in, out, skipped, lost[LOST_STORE], lost[LOST_QUEUE], lost[LOST_WRITE]);
         uint64_t now = file_time(disk, ddx_time_now());
         const struct mcap_message message = {.channel = disk->losses,
-                                             .sequence = ++disk->told,
+                                             .sequence = ++disk->reports,
                                              .log_time = now,
                                              .publish_time = now,
                                              .data = (const unsigned char *)text,
@@ -363,7 +363,7 @@ static void remember(struct item *item, const struct queue_entry *entry) {
     item->last.time = entry->time;
 }
 
-static void take(struct disk *disk, const struct queue_entry *entry) {
+static void take_entry(struct disk *disk, const struct queue_entry *entry) {
     if (disk->writer && mcap_pending(disk->writer) + entry->size > MCAP_MESSAGE_MAX)
         flush(disk); /* keep the chunk within the limit of readers */
     bool noted = note(disk, entry->item, entry->logged);
@@ -409,7 +409,7 @@ static void *write_files(void *argument) {
         struct queue_entry *entry = queue_next(&disk->logger->queue, next, &end);
 
         if (entry) {
-            take(disk, entry);
+            take_entry(disk, entry);
             queue_take(&disk->logger->queue);
         }
         if (ddx_time_now() >= next) {

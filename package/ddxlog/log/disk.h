@@ -62,8 +62,8 @@ struct item {
         uint64_t sequence;
         int64_t time;
     } last;
-    uint64_t told;   /* losses, when they were last written to the file */
-    uint64_t unsafe; /* part of `out` since the file was last flushed to the disk */
+    uint64_t reported; /* losses, when they were last written to the file */
+    uint64_t unsafe;   /* part of `out` since the file was last flushed to the disk */
     /* the finder's: */
     int64_t alone;             /* time since when it has no writer; 0: it has one */
     uint64_t listed;           /* its sequence in the previous list */
@@ -117,7 +117,7 @@ struct disk {
     int64_t wall_offset;        /* wall time less CLOCK_MONOTONIC, when the file began */
     uint16_t channels, schemas, losses;         /* ids in use; id of the channel for losses */
     const struct form *forms[DISK_SCHEMAS_MAX]; /* the file's schemas, by id */
-    uint32_t told;                              /* number of messages about losses */
+    uint32_t reports;                           /* number of messages about losses */
 };
 
 /* Start the thread. 0, or -errno after a line. */

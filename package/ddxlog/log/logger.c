@@ -83,7 +83,7 @@ struct finder {
     int64_t time; /* of the previous list */
 };
 
-static struct item *find(struct logger *logger, const char *name) {
+static struct item *find_item(struct logger *logger, const char *name) {
     unsigned count = atomic_load(&logger->item_count);
 
     for (unsigned i = 0; i < count; i++)
@@ -216,7 +216,7 @@ static void look(struct finder *finder) {
         look_at(finder, logger->items[i], info, now);
     }
     for (unsigned k = 0; k < count; k++)
-        if (!find(logger, infos[k].name))
+        if (!find_item(logger, infos[k].name))
             add_item(finder, &infos[k]);
     free(infos);
     finder->looked = true;

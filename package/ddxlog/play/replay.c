@@ -82,7 +82,7 @@ static int create(struct replay *replay, struct replay_item *item, const struct 
     return error;
 }
 
-static struct replay_item *find(struct replay *replay, const struct mcap_channel *channel) {
+static struct replay_item *find_item(struct replay *replay, const struct mcap_channel *channel) {
     struct replay_item **link = &replay->items;
 
     for (; *link; link = &(*link)->next)
@@ -124,7 +124,7 @@ static unsigned items_create(struct replay *replay) {
 
     for (unsigned id = 1; id < 65536; id++) {
         const struct mcap_channel *channel = mcap_channel(replay->reader, (uint16_t)id);
-        struct replay_item *item = is_ours(replay, channel) ? find(replay, channel) : NULL;
+        struct replay_item *item = is_ours(replay, channel) ? find_item(replay, channel) : NULL;
 
         if (!item || item->channel || item->refused)
             continue;
@@ -166,7 +166,7 @@ static int write_value(const struct replay_item *item, const struct mcap_message
 static struct replay_item *items_write(struct replay *replay, const struct mcap_message *message, int64_t time,
                                        int *error) {
     const struct mcap_channel *channel = mcap_channel(replay->reader, message->channel);
-    struct replay_item *item = is_ours(replay, channel) ? find(replay, channel) : NULL;
+    struct replay_item *item = is_ours(replay, channel) ? find_item(replay, channel) : NULL;
 
     *error = 0;
     if (!item)
