@@ -152,7 +152,7 @@ static const struct number stamp_numbers[] = {
 };
 
 /* The field of a number, or NULL if the item has no matching one. */
-static const struct ddx_field *find(const DDX_STORE_ITEM *item, const struct number *number) {
+static const struct ddx_field *find_field(const DDX_STORE_ITEM *item, const struct number *number) {
     const struct ddx_field *field = ddx_store_field_named(item, number->name);
 
     return field && field->kind == DDX_KIND_INT && field->bytes == number->bytes && field->count == 1 ? field : NULL;
@@ -160,7 +160,7 @@ static const struct ddx_field *find(const DDX_STORE_ITEM *item, const struct num
 
 static bool get_numbers(const DDX_STORE_ITEM *item, const void *data, const struct number *numbers, void *to) {
     for (const struct number *number = numbers; number->name; number++) {
-        const struct ddx_field *field = find(item, number);
+        const struct ddx_field *field = find_field(item, number);
 
         if (field)
             memcpy((char *)to + number->offset, (const char *)data + field->offset, number->bytes);
@@ -172,7 +172,7 @@ static bool get_numbers(const DDX_STORE_ITEM *item, const void *data, const stru
 
 static void set_numbers(const DDX_STORE_ITEM *item, void *data, const struct number *numbers, const void *from) {
     for (const struct number *number = numbers; number->name; number++) {
-        const struct ddx_field *field = find(item, number);
+        const struct ddx_field *field = find_field(item, number);
 
         if (field)
             memcpy((char *)data + field->offset, (const char *)from + number->offset, number->bytes);

@@ -11,7 +11,7 @@
 
 #define PAUSE INT64_C(400000000) /* ns between two checks */
 
-static const struct ddx_item_info *find(const struct ddx_item_info *items, unsigned count, const char *name) {
+static const struct ddx_item_info *find_info(const struct ddx_item_info *items, unsigned count, const char *name) {
     for (unsigned i = 0; i < count; i++)
         if (!strcmp(items[i].name, name))
             return &items[i];
@@ -43,7 +43,7 @@ static void count_losses(struct watch *watch, struct watch_view *view) {
 
 static struct watch_view judge(struct watch *watch, const struct ddx_item_info *items, unsigned count) {
     struct watch_view view = {.state = WATCH_NO_ITEM};
-    const struct ddx_item_info *item = find(items, count, watch->name), *counters;
+    const struct ddx_item_info *item = find_info(items, count, watch->name), *counters;
 
     if (!item)
         return view;

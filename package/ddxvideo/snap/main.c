@@ -126,7 +126,7 @@ static int fail(const char *what, int error) {
 }
 
 /* Hold the newest frame of an item. 0, or -errno. */
-static int take(struct snap *snap, DDX_STORE_ID *id, const char *name, double timeout) {
+static int take_picture(struct snap *snap, DDX_STORE_ID *id, const char *name, double timeout) {
     struct ddx_frame frame;
     DDX_STORE_ITEM *item = ddx_store_lookup_item(id, name, NULL, 0);
 
@@ -156,7 +156,7 @@ static int take_all(struct snap *snap, DDX_STORE_ID *id) {
     for (unsigned i = 0; i < count && snap->count < MONTAGE_MAX; i++) {
         if (strcmp(items[i].type, "DDX_VIDEO") || !items[i].sequence)
             continue;
-        error = take(snap, id, items[i].name, 0);
+        error = take_picture(snap, id, items[i].name, 0);
         if (error)
             fail(items[i].name, error);
     }
@@ -218,7 +218,7 @@ static int run(struct snap *snap, enum image_format format) {
         return fail("store", error);
     if (snap->montage)
         status = take_all(snap, id);
-    else if ((error = take(snap, id, snap->name, TIMEOUT)))
+    else if ((error = take_picture(snap, id, snap->name, TIMEOUT)))
         status = fail(snap->name, error);
     if (!status)
         status = save(snap, format);

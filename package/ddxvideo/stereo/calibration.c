@@ -59,7 +59,7 @@ static const char *value_of(const struct reading *reading, const char *key) {
 }
 
 /* Skips blanks and the word after them. */
-static bool take(const char **at, const char *word) {
+static bool take_word(const char **at, const char *word) {
     size_t length = strlen(word);
 
     while (isspace((unsigned char)**at))
@@ -73,7 +73,7 @@ static bool take(const char **at, const char *word) {
 static bool take_count(const char **at, const char *word, int *count) {
     char *end;
 
-    if (!take(at, word))
+    if (!take_word(at, word))
         return false;
     long value = strtol(*at, &end, 10);
     *count = value < 0 || value > 100000 ? 0 : (int)value;
@@ -99,15 +99,16 @@ static bool read_matrix(const struct reading *reading, const char *key, double v
 
     if (!at)
         return fail(reading, "%s is missing; M1 D1 M2 D2 R1 R2 P1 P2 are needed, see ddxvideocalib", key);
-    if (!take(&at, "!!opencv-matrix") || !take_count(&at, "rows:", rows) || !take_count(&at, "cols:", columns) ||
-        !take(&at, "dt:") || !(take(&at, "d") || take(&at, "f")) || !take(&at, "data:") || !take(&at, "["))
+    if (!take_word(&at, "!!opencv-matrix") || !take_count(&at, "rows:", rows) || !take_count(&at, "cols:", columns) ||
+        !take_word(&at, "dt:") || !(take_word(&at, "d") || take_word(&at, "f")) || !take_word(&at, "data:") ||
+        !take_word(&at, "["))
         return fail(reading, "%s is no matrix as OpenCV writes it", key);
     if (*rows > VALUES_MAX || *columns > VALUES_MAX || *rows * *columns > VALUES_MAX)
         return fail(reading, "%s has %d rows and %d columns, which is too many", key, *rows, *columns);
     for (int i = 0; i < *rows * *columns; i++)
-        if ((i && !take(&at, ",")) || !take_number(&at, &values[i]))
+        if ((i && !take_word(&at, ",")) || !take_number(&at, &values[i]))
             return fail(reading, "%s: value %d of %d is not a number that can be", key, i + 1, *rows * *columns);
-    return take(&at, "]") || fail(reading, "%s has more than %d values", key, *rows * *columns);
+    return take_word(&at, "]") || fail(reading, "%s has more than %d values", key, *rows * *columns);
 }
 
 static bool read_sized(const struct reading *reading, const char *key, double *to, int rows, int columns) {

@@ -380,7 +380,7 @@ static void handle(struct svs *svs, const struct pair *pair) {
         fail(svs, svs->ranger.name, error);
 }
 
-static void take(struct svs *svs, double wait) {
+static void take_frames(struct svs *svs, double wait) {
     struct pair pair;
     const char *at;
     int error = source_take(&svs->source, wait, &pair, &at);
@@ -401,9 +401,9 @@ static int run(struct svs *svs) {
     if (svs->id && program_attach(&svs->program, svs->source.book, svs->id, single) &&
         source_open(&svs->source, svs->id)) {
         for (; !program_stopping() && !svs->failed; program_tick(svs->source.book))
-            take(svs, WAIT);
+            take_frames(svs, WAIT);
         if (!svs->failed)
-            take(svs, 0); /* frames that were written before the stop */
+            take_frames(svs, 0); /* frames that were written before the stop */
     } else if (svs->id && !program_stopping()) {
         svs->failed = true;
     }

@@ -58,11 +58,11 @@ void luma_levels(int range, uint8_t level[256]) {
 
 /* ---- Pairs ---- */
 
-#define WINDOW (20 * MS)  /* used if the frame rate is unknown */
-#define LONELY (200 * MS) /* plus two frame periods: a frame waits this long for the other camera */
-#define STRANGE SECOND    /* if times differ by more than this, neither frame waits */
-#define PATIENCE SECOND   /* after this time without a pair, and SEVERAL frames, a line reports it */
-#define SEVERAL 6         /* frames given up in a row: a slow machine gives up fewer */
+#define WINDOW (20 * MS)        /* used if the frame rate is unknown */
+#define PARTNER_WAIT (200 * MS) /* plus two frame periods: a frame waits this long for the other camera */
+#define STRANGE SECOND          /* if times differ by more than this, neither frame waits */
+#define PATIENCE SECOND         /* after this time without a pair, and SEVERAL frames, a line reports it */
+#define SEVERAL 6               /* frames given up in a row: a slow machine gives up fewer */
 
 bool source_open(struct source *source, DDX_STORE_ID *id) {
     source->items = source->name[1] ? 2 : 1;
@@ -127,7 +127,7 @@ static void begin(struct source *source, struct source_item *item, const struct 
 }
 
 /* Holds the newest unseen frame of an item. */
-static int take(struct source *source, struct source_item *item, double wait) {
+static int take_frame(struct source *source, struct source_item *item, double wait) {
     if (item->held)
         return 0;
     int error = ddx_store_acquire(item->item, &item->frame, item->begun ? wait : 0, DDX_NEXT);
@@ -193,7 +193,7 @@ static void give_up_old(struct source *source) {
     for (int i = 0; i < 2; i++) {
         struct source_item *item = &source->item[i];
 
-        if (item->held && now - item->frame.time > LONELY + 4 * window_of(&item->picture.geometry))
+        if (item->held && now - item->frame.time > PARTNER_WAIT + 4 * window_of(&item->picture.geometry))
             give_up(source, item);
     }
 }
@@ -204,7 +204,7 @@ static int take_both(struct source *source, double wait, const char **at) {
 
     for (int i = 0; i < 2; i++) {
         struct source_item *item = &source->item[(wait_for + i) % 2];
-        int result = take(source, item, i ? 0 : wait);
+        int result = take_frame(source, item, i ? 0 : wait);
 
         *at = item->name;
         if (result && result != -EAGAIN)
@@ -245,7 +245,7 @@ static void describe(const struct source *source, struct pair *pair) {
 
 int source_take(struct source *source, double wait, struct pair *pair, const char **at) {
     *at = source->name[0];
-    int error = source->items == 2 ? take_two(source, wait, at) : take(source, &source->item[0], wait);
+    int error = source->items == 2 ? take_two(source, wait, at) : take_frame(source, &source->item[0], wait);
 
     if (error)
         return error;

@@ -44,12 +44,12 @@ struct incoming {
     size_t size;
     uint32_t ssrc;
     uint16_t sequence;
-    bool told; /* the packet has the counter: */
+    bool has_counter; /* the packet has the counter: */
     uint32_t counter;
     transform *unprotect;
 };
 
-static struct peer *find(struct side *side, uint32_t ssrc) {
+static struct peer *find_peer(struct side *side, uint32_t ssrc) {
     for (struct peer *peer = side->peers; peer < side->peers + SECURE_PEERS; peer++)
         if (peer->session && peer->ssrc == ssrc)
             return peer;
@@ -142,7 +142,7 @@ void secure_close(struct secure *secure) {
 
 /* The peer of our own SSRC. None is dropped: a repeated SSRC would be encrypted with the same key stream. */
 static int sending(struct secure *secure, struct side *side, uint32_t ssrc, struct peer **peer) {
-    if ((*peer = find(side, ssrc)))
+    if ((*peer = find_peer(side, ssrc)))
         return 0;
     *peer = oldest(side);
     if ((*peer)->session)
@@ -203,7 +203,7 @@ static srtp_err_status_t apply(struct incoming *packet, srtp_t session) {
 static bool leads_forward(const struct incoming *packet, const struct peer *peer) {
     uint64_t index = (uint64_t)packet->counter << 16 | packet->sequence;
 
-    return packet->told && index > peer->index && index != estimate(peer->index, packet->sequence);
+    return packet->has_counter && index > peer->index && index != estimate(peer->index, packet->sequence);
 }
 
 /* Tries the packet with a new state. If it is genuine, keeps the state, instead of `peer` if there is one. */
@@ -227,7 +227,7 @@ static srtp_err_status_t introduce(struct secure *secure, struct side *side, str
 }
 
 static srtp_err_status_t receive(struct secure *secure, struct side *side, struct incoming *packet) {
-    struct peer *peer = find(side, packet->ssrc);
+    struct peer *peer = find_peer(side, packet->ssrc);
 
     if (!peer)
         return introduce(secure, side, packet, NULL);
@@ -259,7 +259,7 @@ int secure_unprotect(struct secure *secure, uint8_t *packet, size_t *size) {
         return counted(&side->count, srtp_err_status_parse_err);
     incoming.ssrc = get32(packet + RTP_SSRC);
     incoming.sequence = get16(packet + 2);
-    incoming.told = rollover_get(packet, *size, &incoming.counter);
+    incoming.has_counter = rollover_get(packet, *size, &incoming.counter);
     int error = counted(&side->count, receive(secure, side, &incoming));
     if (!error)
         *size = rollover_take(packet, incoming.size);

@@ -32,8 +32,8 @@ static bool counter_switch(dc1394camera_t *device, bool wanted) {
     if (device->vendor_id != POINT_GREY || dc1394_get_control_register(device, FRAME_INFO, &value) ||
         !(value & PRESENT))
         return false;
-    uint32_t told = PRESENT | (wanted ? FRAME_COUNTER : 0);
-    return !dc1394_set_control_register(device, FRAME_INFO, told) &&
+    uint32_t parts = PRESENT | (wanted ? FRAME_COUNTER : 0);
+    return !dc1394_set_control_register(device, FRAME_INFO, parts) &&
            !dc1394_get_control_register(device, FRAME_INFO, &value) && value & FRAME_COUNTER;
 }
 

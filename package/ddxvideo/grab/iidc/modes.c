@@ -83,7 +83,7 @@ const char *mode_name(dc1394video_mode_t mode) {
     return "a mode that is not known here";
 }
 
-static const struct coding *find(dc1394color_coding_t coding) {
+static const struct coding *find_coding(dc1394color_coding_t coding) {
     for (unsigned i = 0; i < COUNT(codings); i++)
         if (codings[i].coding == coding)
             return &codings[i];
@@ -91,13 +91,13 @@ static const struct coding *find(dc1394color_coding_t coding) {
 }
 
 const char *mode_coding_name(dc1394color_coding_t coding) {
-    const struct coding *found = find(coding);
+    const struct coding *found = find_coding(coding);
 
     return found ? found->name : NULL;
 }
 
 int mode_merit(dc1394color_coding_t coding) {
-    const struct coding *found = find(coding);
+    const struct coding *found = find_coding(coding);
 
     return found ? found->merit : 0;
 }
@@ -110,7 +110,7 @@ static enum pixels_coding of_pattern(dc1394color_filter_t bayer, bool two_bytes)
 }
 
 enum pixels_coding mode_pixels(dc1394color_coding_t coding, dc1394color_filter_t bayer) {
-    const struct coding *found = find(coding);
+    const struct coding *found = find_coding(coding);
 
     if (!found)
         return PIXELS_NONE;
