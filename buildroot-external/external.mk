@@ -65,3 +65,7 @@ endif
 # libsrtp2 with its own cryptography, even if the image has OpenSSL or NSS. OpenSSL's licence is not compatible with
 # x264's, which is in the same process, and both libraries take too long to start for each received source.
 LIBSRTP_CONF_OPTS += --disable-openssl --disable-nss
+
+# Files that each boot reads lie in the squashfs unpacked; post-build.sh makes the list from board/common/boot-files.txt.
+# Buildroot has no option that passes on further words.
+ROOTFS_SQUASHFS_ARGS += -noI -action-file $(BASE_DIR)/boot-files.actions

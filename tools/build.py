@@ -77,7 +77,8 @@ def dev(packages: list[pathlib.Path], folder: pathlib.Path = DEV) -> pathlib.Pat
         words = update_words()
     parts = tools / "parts/image"
     key = fingerprint([tools / "build.py", parts / "rootfs.py", parts / "tables.py", parts / "kernel.py",
-                       *trees.each("overlay"), TOP / "board/dev", TOP / "board/common/post-build.sh", *tables.tables(),
+                       *trees.each("overlay"), TOP / "board/dev", TOP / "board/common/post-build.sh",
+                       TOP / "board/common/boot-files.txt", *tables.tables(),
                        *map(pathlib.Path, words["UPDATE_KEYS"].split()), DEV / "kernel.stamp", *packages],
                       busybox_folder.name, codecs.name, commit(), words["DDX_SERIAL"], words["DDX_OLDEST"])
     with alone("build", folder.with_suffix(".lock")):  # parallel tests all call this

@@ -45,3 +45,9 @@ mkdir -p "$target/etc/ddx/update-keys"
 for key in ${UPDATE_KEYS:-}; do
 	install -m 644 "$key" "$target/etc/ddx/update-keys/"
 done
+
+# Actions of mksquashfs for the files that each boot reads: see boot-files.txt.
+sed -n 's|^/\([^ ]*\).*|pathname(\1)|p; t; s|^\([a-z][^/ ]*\).*|name(\1)|p' "$common/boot-files.txt" |
+	while read -r which; do
+		printf 'uncompressed@%s\nno-fragments@%s\n' "$which" "$which"
+	done > "$target/../boot-files.actions"

@@ -6,7 +6,7 @@ import re
 import pytest
 
 from lib import manifest
-from parts.common import TOP
+from parts.common import TOP, entries
 from parts.guest import machine
 
 from .conftest import BOARD
@@ -17,6 +17,7 @@ pytestmark = pytest.mark.retry
 SPOILT = {"applet": 1, "program": 1, "kernel": 1, "module": 1, "group": 2, "user": 2, "service": 1, "disk": 2,
           "partition": 3}
 ELSEWHERE = {"port"}
+BLOCK = 128 << 10  # bytes of the squashfs
 
 
 def services(root: pathlib.Path) -> list[str]:
@@ -89,6 +90,17 @@ def test_x264_is_loaded_by_the_programs_that_call_it_alone(root: pathlib.Path) -
     linked = {path.name for path in root.rglob("*") if path.is_file() and not path.is_symlink() and
               path.stat().st_mode & 0o111 and b"libx264.so" in path.read_bytes() and "libx264" not in path.name}
     assert linked == {"ddxvideosave", "ddxvideosend"}
+
+
+def test_files_that_each_boot_reads_lie_unpacked(image: pathlib.Path, root: pathlib.Path) -> None:
+    """The first block of each, as it is, is in the squashfs."""
+    packed = (image.parent / "rootfs.squashfs").read_bytes()
+    listed = {path for line in entries(TOP / "board/common/boot-files.txt")
+              for path in (root.glob(line[1:]) if line.startswith("/") else root.rglob(line))
+              if path.is_file() and not path.is_symlink()}
+    assert len(listed) > 50
+    blocks = {path: path.open("rb").read(BLOCK) for path in listed}
+    assert [str(path) for path, block in blocks.items() if block not in packed] == []
 
 
 @pytest.mark.skipif(BOARD == machine.DEV, reason="the development image's FFmpeg is built for this machine")

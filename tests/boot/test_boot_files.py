@@ -1,0 +1,36 @@
+# SPDX-License-Identifier: GPL-2.0-or-later
+"""board/common/boot-files.txt names the files that a boot reads, and no others: they lie unpacked in the squashfs."""
+import fnmatch
+import pathlib
+
+import pytest
+
+from parts.common import TOP, entries, run
+from parts.guest import session, testdisk
+from parts.guest.qemu import Boot
+
+pytestmark = [pytest.mark.long, pytest.mark.retry]
+
+LIST = TOP / "board/common/boot-files.txt"
+# Read by the test's own shell, or by QEMU's devices only.
+OTHERS = ("/usr/libexec/ddx/shell", "/lib/modules/*.ko")
+
+
+def is_listed(path: str, listed: list[str]) -> bool:
+    name = path.rpartition("/")[2]
+    return any(fnmatch.fnmatchcase(path if one.startswith("/") else name, one) for one in listed)
+
+
+def test_a_boot_reads_the_listed_files(boot: Boot, work: pathlib.Path, short_clip: pathlib.Path) -> None:
+    program = work / "cached"
+    run(["gcc", "-static", "-std=gnu11", "-O2", "-Wall", "-Wextra", "-Werror", "-D_GNU_SOURCE",
+         TOP / "tests/guest/cached/main.c", "-o", program])
+    with boot("files", test_disk=testdisk.make(work / "files.img", short_clip, {"cached": program})) as guest:
+        guest.shell()
+        session.wait_for_recording(guest)
+        read = [line.split(None, 2)[2] for line in guest.sh(
+            "cp /test/cached /tmp && chmod 755 /tmp/cached && /tmp/cached").splitlines()]
+    listed = entries(LIST)
+    assert [path for path in read if not is_listed(path, [*listed, *OTHERS])] == []
+    read.append("/boot/vmlinuz")  # by the boot loader
+    assert [one for one in listed if not any(is_listed(path, [one]) for path in read)] == []
