@@ -6,7 +6,7 @@ import re
 import pytest
 
 from lib import manifest
-from parts.common import TOP, entries
+from parts.common import TOP, entries, run
 from parts.guest import machine
 
 from .conftest import BOARD
@@ -17,6 +17,7 @@ pytestmark = pytest.mark.retry
 SPOILT = {"applet": 1, "program": 1, "kernel": 1, "module": 1, "group": 2, "user": 2, "service": 1, "disk": 2,
           "partition": 3}
 ELSEWHERE = {"port"}
+DATA = 128 << 10   # bytes of a program's initialized data
 BLOCK = 128 << 10  # bytes of the squashfs
 
 
@@ -90,6 +91,15 @@ def test_x264_is_loaded_by_the_programs_that_call_it_alone(root: pathlib.Path) -
     linked = {path.name for path in root.rglob("*") if path.is_file() and not path.is_symlink() and
               path.stat().st_mode & 0o111 and b"libx264.so" in path.read_bytes() and "libx264" not in path.name}
     assert linked == {"ddxvideosave", "ddxvideosend"}
+
+
+def test_no_program_brings_a_large_struct_in_its_file(root: pathlib.Path) -> None:
+    """Structs without initial values take no bytes of the image, and no memory before they are used."""
+    programs = [path for folder in ("usr/bin", "usr/sbin", "usr/libexec/ddx") for path in (root / folder).iterdir()
+                if path.is_file() and not path.is_symlink() and path.open("rb").read(4) == b"\x7fELF"]
+    assert programs
+    lines = [line.split() for line in run(["size", *programs]).splitlines()[1:]]
+    assert [words[-1] for words in lines if int(words[1]) > DATA] == []
 
 
 def test_files_that_each_boot_reads_lie_unpacked(image: pathlib.Path, root: pathlib.Path) -> None:

@@ -146,8 +146,7 @@ static void read_key(struct guard *guard) {
 
 int main(int argc, char **argv) {
     bool list = false;
-    static struct viewer viewer = {.inlet = {.fd = {-1, -1}, .group = NETWORK_GROUP, .port = NETWORK_PORT},
-                                   .patience = 20};
+    static struct viewer viewer; /* 1 MiB; with initial values it would lie in the file */
     const struct option_entry options[] = {
         {"port", "PORT", "even port of the stream (default: 8000)", OPTION_NUMBER, &viewer.inlet.port, 2, 65532},
         {"group", "ADDRESS", "multicast group, IPv4 or IPv6 (default: " NETWORK_GROUP "), or none", OPTION_TEXT,
@@ -170,6 +169,10 @@ int main(int argc, char **argv) {
         {NULL, NULL, NULL, OPTION_FLAG, NULL, 0, 0},
     };
 
+    viewer.inlet.fd[0] = viewer.inlet.fd[1] = -1;
+    viewer.inlet.group = NETWORK_GROUP;
+    viewer.inlet.port = NETWORK_PORT;
+    viewer.patience = 20;
     viewer.program = (struct program){
         .name = "ddxdecode",
         .purpose = "Receives a stream of ddxvideosend, from its multicast group or sent to this machine alone, and\n"

@@ -43,9 +43,7 @@ static void read_key(struct sender *sender) {
 
 int main(int argc, char **argv) {
     const char *codec = "h264", *preset = "superfast", *sap = "yes", *repair = "0";
-    static struct sender sender = {.name = "video",
-                                   .wire = 400,
-                                   .outlet = {.fd = {-1, -1}, .group = NETWORK_GROUP, .port = NETWORK_PORT, .ttl = 1}};
+    static struct sender sender; /* 1 MiB; with initial values it would lie in the file */
     const struct option_entry options[] = {
         {"name", "ITEM", "the video item to send (default: video)", OPTION_NAME, &sender.name, 0, 0},
         {"codec", "CODEC", "h264 or mpeg4 (default: h264)", OPTION_TEXT, &codec, 0, 0},
@@ -77,6 +75,12 @@ int main(int argc, char **argv) {
         {NULL, NULL, NULL, OPTION_FLAG, NULL, 0, 0},
     };
 
+    sender.name = "video";
+    sender.wire = 400;
+    sender.outlet.fd[0] = sender.outlet.fd[1] = -1;
+    sender.outlet.group = NETWORK_GROUP;
+    sender.outlet.port = NETWORK_PORT;
+    sender.outlet.ttl = 1;
     sender.program = (struct program){
         .name = "ddxvideosend",
         .purpose = "Sends a video item of the store over the network, as H.264 or MPEG-4 in RTP;\n"
