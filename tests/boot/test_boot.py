@@ -6,6 +6,7 @@ import time
 import pytest
 
 from parts.common import PATIENCE
+from parts.guest import session
 from parts.guest.qemu import USERSPACE, Guest
 from parts.media.recording import FileSystem
 from parts.release import version
@@ -80,6 +81,15 @@ def test_programs_run_from_data_and_from_memory(guest: Guest) -> None:
     guest.sh("cp /bin/busybox /data/true && mount -o bind /data/true /usr/bin/ddxdecode")  # ddxdecode is off
     assert guest.sh("cmp /data/true /usr/bin/ddxdecode && echo same").strip() == "same"
     guest.sh("umount /usr/bin/ddxdecode && rm /data/true")
+
+
+def test_late_work_comes_after_the_first_frame(guest: Guest) -> None:
+    """Among it are the driver of the display, and the copy of the settings."""
+    guest.wait_until("[ -e /run/late.done ]")
+    first = session.follow(guest, 0)[session.LOAD].first_ns / 1e9
+    assert first - 0.01 <= float(guest.sh("cat /run/late.begun")) < first + 60  # the kernel's time has two digits
+    assert guest.sh("cat /run/log/late") == ""
+    guest.sh("[ -e /sys/class/drm/card0 ] && [ -s /rec/.ddx/settings ]")
 
 
 def test_no_start_has_failed(guest: Guest) -> None:

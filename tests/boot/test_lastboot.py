@@ -14,6 +14,7 @@ RESET = ("-action", "reboot=reset")
 WORDS = "the last words of this machine"
 MEMORY = 1600  # MiB more, so that the next kernel, loaded anywhere, overwrites them only one time in fifty
 ATTEMPTS = 3
+FETCHED = "[ -e /run/late.done ]"
 
 
 def last_words(guest: Guest, command: str) -> str:
@@ -27,6 +28,7 @@ def last_words(guest: Guest, command: str) -> str:
             guest.sh(f"echo '<3>{WORDS}' > /dev/kmsg; sleep 1")
             guest.monitor("system_reset")
         guest.reset()
+        guest.wait_until(FETCHED)
         if said := guest.sh("ddxctl logs lastboot"):
             return said
     return ""
@@ -34,6 +36,7 @@ def last_words(guest: Guest, command: str) -> str:
 
 def test_a_kernel_panic_is_reported_after_the_reset(boot: Boot) -> None:
     with boot("lastboot-panic", extra=RESET, more_memory=MEMORY) as guest:
+        guest.wait_until(FETCHED)
         assert "! last boot" not in run(guest, "ddxctl health")[1]
         assert guest.sh("ddxctl logs lastboot") == ""
         assert "sysrq_handle_crash" in last_words(guest, "echo c > /proc/sysrq-trigger")

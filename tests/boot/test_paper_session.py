@@ -42,6 +42,7 @@ def test_the_paper_s_session(boot: qemu.Boot) -> None:
         guest.sh("decode > /tmp/decoded 2>&1 &")
         camera.wait_for_frames(guest, RECORDED, "ddxvideosave")
         camera.wait_for_frames(guest, 5, "ddxdecode")
+        guest.wait_until("[ -e /run/late.done ]")  # the display's driver
         if guest.sh("[ -c /dev/dri/card0 ] && echo yes || echo no") == "yes":
             frame_after(guest, frame_after(guest, 0))
         else:  # a BIOS leaves the screen in text mode

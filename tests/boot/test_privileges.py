@@ -11,7 +11,7 @@ from parts.guest.qemu import Guest
 pytestmark = pytest.mark.retry
 
 # Supervisors, mount scripts, the shells that the test's provisioning file opened, and `console` without input, which
-# only sleeps.
+# only waits.
 ROOTS = {"init", "recordings-disk", "runsvdir", "runsv", "mdev", "sh", "console", "sleep", "grep", "readlink"}
 # For milliseconds at its start a service is each of the first three programs. BusyBox' timeout, which the tests use,
 # stays for a second after its program.
@@ -29,7 +29,8 @@ Fields = dict[str, str]
 
 
 def look(guest: Guest) -> list[Fields]:
-    """/proc/<pid>/status of each process except kernel threads, which have no program."""
+    """/proc/<pid>/status of each process except kernel threads, which have no program. The boot's late work is root's."""
+    guest.wait_until("[ -e /run/late.done ]")
     text = guest.sh("for p in /proc/[0-9]*; do readlink $p/exe > /dev/null && grep -H : $p/status; done; true")
     found: dict[str, Fields] = {}
     for pid, name, value in re.findall(r"^/proc/(\d+)/status:(\w+):[ \t]*(.*?)[ \t]*$", text, re.M):

@@ -132,6 +132,7 @@ def start(guest: Guest, settings: str = "", name: str = ITEM) -> Picture:
 def console_of(guest: Guest) -> Picture:
     """The screen with a line of text on the console (this card's driver forgets the old text). The kernel draws text
     with a delay: wait until two dumps in a row are equal."""
+    guest.wait_until("[ -e /run/late.done ]")  # the card's driver takes the console over
     guest.sh("printf '\\033[2J\\033[Hconsole\\033[?25l' > /dev/tty1")
     shown, same, end = ppm(guest.screen()), False, time.monotonic() + PATIENCE
     while not (same and shown.any() and is_grey(shown)) and time.monotonic() < end:

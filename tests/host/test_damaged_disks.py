@@ -40,7 +40,7 @@ class Robot(Appliance):
         for name in ("data", "rec", "test", "mnt", "run/settings", modules):
             (self.root / name).mkdir(parents=True)
         (self.root / modules / "modules.dep").touch()
-        for name in ("run/provision", "run/console"):
+        for name in ("run/provision", "run/console", "run/late.begun"):
             (self.root / name).touch()
         assert self.run("mount --bind /run/console /dev/console")[0] == 0
         with (self.root / "etc/passwd").open("a") as users:
@@ -185,6 +185,22 @@ def test_only_the_recorder_waits_for_a_long_check(robot: Robot) -> None:
     # a waiting service can be stopped
     assert robot.run("/usr/libexec/ddx/service thing stop")[1] == "Stopping thing: OK\n"
     assert state() == "state=stopped"
+
+
+def test_at_the_boot_settings_are_copied_and_the_disk_grows_after_the_first_frame(robot: Robot) -> None:
+    (robot.root / "run/late.begun").unlink()
+    robot.install("overlay/usr/libexec/ddx/late", "usr/libexec/ddx/late")
+    robot.add("usr/libexec/ddx/lastboot", "#!/bin/sh\n[ ! -e /rec/.ddx ] || touch /run/early\n")
+    os.mkfifo(robot.root / "run/late")
+    robot.boot()
+    wait_until(lambda: robot.disk_report().endswith("is there"))
+    wait_until(lambda: robot.run("flock -n /run/recordings-disk.lock true")[0] == 0)  # its script has exited
+    robot.start("/usr/libexec/ddx/late")
+    with (robot.root / "run/late").open("w") as pipe:
+        pipe.write("\n")
+    wait_until((robot.root / "run/late.done").exists)
+    assert not (robot.root / "run/early").exists()
+    assert robot.run("cat /run/log/ddxgrow; ls /rec/.ddx") == (0, "ddxgrow: done\nsettings\n")
 
 
 LOST = {"copy": "settings are those of their copy on /rec",

@@ -115,7 +115,10 @@ def test_a_script_that_hangs_delays_the_boot_for_a_limited_time(appliance: Appli
     assert "sleep 5" in text and "-ge 90" in text
     appliance.add("etc/init.d/rcS", text.replace("sleep 5", "sleep 0.2").replace("-ge 90", "-ge 1"))
     appliance.add("usr/libexec/ddx/serial", "#!/bin/sh\nexec cat\n")
-    appliance.add("usr/libexec/ddx/slot-came-up", "#!/bin/sh\necho up\n")
+    # A slot that has come up does not wait for the late work.
+    appliance.add("usr/libexec/ddx/slot-came-up", "#!/bin/sh\n[ -e /run/late.done ] || echo up\necho > /run/up\n")
+    appliance.add("usr/libexec/ddx/late", '#!/bin/sh\ntries=0\nuntil [ -e /run/up ] || [ "$((tries += 1))" -gt 50 ]\n'
+                  "do usleep 100000; done\necho > /run/late.done\n")
     appliance.add("etc/init.d/S10first", "#!/bin/sh\necho first\n")
     appliance.add("etc/init.d/S20hangs", "#!/bin/sh\necho second\nsleep 1000\necho never\n")
     appliance.add("etc/init.d/S30last", "#!/bin/sh\necho last\nfalse\n")

@@ -1,6 +1,6 @@
 # SPDX-License-Identifier: GPL-2.0-or-later
-"""ddxhealth feeds the watchdog only while store and recorder are alive. Killing them does not help here, since nothing
-supervises them; the reset is tested in tests/boot/test_health.py."""
+"""ddxhealth feeds the watchdog only while store and recorder are alive, and reports the first frame. Killing programs
+does not help here, since nothing supervises them; the reset is tested in tests/boot/test_health.py."""
 from __future__ import annotations
 
 import os
@@ -11,7 +11,7 @@ from collections.abc import Iterator
 
 import pytest
 
-from .programs import Desk, Process, send_signal, wait_until
+from .programs import Desk, Process, make_clip, send_signal, wait_until
 
 pytestmark = pytest.mark.retry
 
@@ -35,9 +35,11 @@ class Health:
         self.desk = desk
         self.food = desk.folder / "food"
         (desk.folder / "watchdog").touch()
+        self.late = desk.folder / "late"
+        os.mkfifo(self.late)
         wrapper = ("env", f"LD_PRELOAD={desk.folder}/watchdog.so", f"FOOD={self.food}")
         self.health = desk.start("ddxhealth", "-services", "service", "-watchdog", "watchdog", "-silence", "3",
-                                 wrapper=wrapper)
+                                 "-late", self.late, wrapper=wrapper)
         self.wait_until_fed(3)
 
     def count(self) -> int:
@@ -95,3 +97,19 @@ def test_a_recorder_that_was_switched_off_is_ignored(desk: Desk, health: Health,
     recorder.send_signal(signal.SIGSTOP)
     health.wait_until_fed(6)
     assert health.lines(NOT_FED) == health.lines(GIVEN_UP) == 0
+
+
+def test_the_first_frame_is_reported(desk: Desk, health: Health) -> None:
+    """The recorder and the sender have counters, but no frames."""
+    reader = os.open(health.late, os.O_RDONLY | os.O_NONBLOCK)
+
+    def heard() -> bytes:
+        try:
+            return os.read(reader, 1)
+        except BlockingIOError:  # it is just being written
+            return b""
+    health.wait_until_fed(3)
+    assert heard() == b""
+    desk.run("ddxvideoload", make_clip(desk.folder / "clip.y4m", frames=3))
+    wait_until(lambda: heard() == b"\n")
+    os.close(reader)

@@ -1,5 +1,8 @@
 /* SPDX-License-Identifier: GPL-2.0-or-later */
-/* Kills programs that hang, so that runsv starts them again, and feeds the watchdog as long as that is sufficient. */
+/*
+ * Kills programs that hang, so that runsv starts them again, and feeds the watchdog as long as that is sufficient.
+ * Reports the first frame to the boot's later work.
+ */
 #include <ddx.h>
 #include <dirent.h>
 #include <errno.h>
@@ -13,6 +16,7 @@
 #include <time.h>
 #include <unistd.h>
 
+#include "ddx_stats.h"
 #include "ddx_time.h"
 #include "program.h"
 
@@ -144,14 +148,22 @@ static void look_at_folder(struct liveness *liveness, const char *folder) {
             liveness->service[i] = liveness->service[--liveness->count];
 }
 
+/* Length of the instance's name in the name of its counters' item; 0: the item is another one, or another machine's. */
+static size_t instance_of(const struct ddx_item_info *item) {
+    size_t length = strlen(item->name), suffix = strlen(SUFFIX);
+    bool is_own = length > suffix && !strcmp(item->name + length - suffix, SUFFIX) && !strchr(item->name, ':');
+
+    return is_own ? length - suffix : 0;
+}
+
 static void note_sign(struct liveness *liveness, const struct ddx_item_info *item) {
     char name[DDX_NAME_MAX + 1];
-    size_t length = strlen(item->name), suffix = strlen(SUFFIX);
+    size_t length = instance_of(item);
 
-    if (length <= suffix || strcmp(item->name + length - suffix, SUFFIX) != 0)
+    if (!length)
         return;
-    memcpy(name, item->name, length - suffix);
-    name[length - suffix] = 0;
+    memcpy(name, item->name, length);
+    name[length] = 0;
     struct watched *service = liveness_find(liveness, name);
     /* A value of its previous process is no sign of life. */
     if (!service || !service->pid || item->writer_pid != service->pid || item->sequence == service->signs)
@@ -161,8 +173,44 @@ static void note_sign(struct liveness *liveness, const struct ddx_item_info *ite
     service->silent = 0;
 }
 
-/* Check all services in `folder`, and the items of the store. Waits at most 5 s for its answer. */
-static void liveness_look(struct liveness *liveness, const char *folder, DDX_STORE_ID *id) {
+/* ---- The first frame ---- */
+
+/* 1 if these counters report a frame, 0 if they report none, or -errno. */
+static int has_frame(DDX_STORE_ID *id, const char *name) {
+    static DDX_STATS stats;
+    DDX_STORE_ITEM *item = ddx_store_lookup_item(id, name, NULL, 0);
+
+    if (!item)
+        return errno == ENOENT ? 0 : -errno; /* dropped since the list was made */
+    int result = -ETIMEDOUT;                 /* no value yet */
+    if (!strcmp(ddx_store_item_type(item), "DDX_STATS"))
+        result = ddx_store_read(item, &stats, NULL, 0, DDX_CURRENT);
+    ddx_store_done_item(item);
+    if (!result)
+        return stats.first != 0;
+    return result == -ETIMEDOUT ? 0 : result;
+}
+
+/*
+ * Write a line feed into the pipe once a program has its first frame. While nothing reads the pipe, no counters are
+ * read. If the store does not answer, the next check tries again: the watchdog must be fed meanwhile.
+ */
+static void report_first_frame(DDX_STORE_ID *id, const struct ddx_item_info *items, unsigned count, const char *pipe) {
+    int found = 0, file = open(pipe, O_WRONLY | O_NONBLOCK | O_CLOEXEC);
+
+    if (file < 0)
+        return;
+    for (unsigned i = 0; i < count && !found; i++)
+        if (instance_of(&items[i]))
+            found = has_frame(id, items[i].name);
+    if (found > 0 && write(file, "\n", 1) != 1)
+        say("%s: %s", pipe, strerror(errno));
+    close(file);
+}
+
+/* Check all services in `folder`, and the items of the store; report the first frame to `pipe`. Waits at most 5 s for
+ * each answer. */
+static void liveness_look(struct liveness *liveness, const char *folder, const char *pipe, DDX_STORE_ID *id) {
     static int64_t last;
     struct ddx_item_info *items;
     unsigned count;
@@ -181,6 +229,7 @@ static void liveness_look(struct liveness *liveness, const char *folder, DDX_STO
         liveness->service[i].silent += passed < LOOK_MAX ? passed : LOOK_MAX;
     for (unsigned i = 0; i < count; i++)
         note_sign(liveness, &items[i]);
+    report_first_frame(id, items, count, pipe);
     free(items);
 }
 
@@ -214,7 +263,7 @@ static int liveness_kill(struct watched *service, const char *folder) {
 #define RECORDER "ddxvideosave"
 #define AGAIN (5 * SECOND) /* until a kill without effect is repeated */
 
-static const char *folder = "/run/service", *device = "/dev/watchdog";
+static const char *folder = "/run/service", *device = "/dev/watchdog", *late = "/run/late";
 static long silence = 6, timeout = 30;
 
 static int64_t limit_of(const struct watched *service) {
@@ -273,6 +322,8 @@ int main(int argc, char **argv) {
         {"timeout", "SECONDS", "of the watchdog, until it resets the machine (default: 30)", OPTION_NUMBER, &timeout,
          20, 600},
         {"services", "FOLDER", "folder of runsvdir (default: /run/service)", OPTION_TEXT, &folder, 0, 0},
+        {"late", "PIPE", "gets a line feed once a program has its first frame (default: /run/late)", OPTION_TEXT, &late,
+         0, 0},
         {NULL, NULL, NULL, OPTION_FLAG, NULL, 0, 0},
     };
     struct program program = {.name = "ddxhealth",
@@ -293,7 +344,7 @@ int main(int argc, char **argv) {
         if (!id)
             id = ddx_store_open(NULL, (int)program.port, 0);
         if (id) {
-            liveness_look(&liveness, folder, id);
+            liveness_look(&liveness, folder, late, id);
             kill_silent(&liveness);
         }
         guard(&watchdog, all_well(&liveness));
