@@ -125,7 +125,7 @@ GOOD = "YUV4MPEG2 W64 H48 F25:1 C420jpeg\n"
     (b"YUV4MPEG2 " + b"X" * 5000, "too long"),
     (b"YUV4MPEG2 W64 H48", "cut short"),
     (b"YUV4MPEG2 W64 H48\0\n", "zero byte"),
-    (b"\0\0\0 ftypisom\0\0\2\0isomiso2avc1mp41\n", "make one: ffmpeg -i FILE -pix_fmt yuv420p OUT.y4m"),  # MP4
+    (b"\0\0\0 ftypisom\0\0\2\0isomiso2avc1mp41\n", "make a Y4M file: ffmpeg -i FILE -pix_fmt yuv420p OUT.y4m"),  # MP4
     (b"YUV4MPEG2 F25:1\n", "missing or zero"),
     (b"YUV4MPEG2 W0 H0\n", "missing or zero"),
     (b"YUV4MPEG2 W63 H48\n", "odd size 63x48"),

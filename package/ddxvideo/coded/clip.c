@@ -3,33 +3,23 @@
 
 #include <errno.h>
 #include <fcntl.h>
-#include <libavcodec/avcodec.h>
 #include <stdarg.h>
 #include <stdlib.h>
 #include <string.h>
 #include <sys/stat.h>
 #include <unistd.h>
 
+#include "h264_decode.h"
 #include "mp4_read.h"
 #include "picture_convert.h"
-#include "stamp.h"
 #include "video_layout.h"
-
-/* libavcodec checks a size that is rounded up by at most this. */
-#define ROUNDED (INT64_C(63) * 16384)
 
 struct clip_mp4 {
     int fd;
     struct mp4_file file;
-    struct ddxvideo_geometry source; /* as recorded */
-    AVCodecContext *codec;
-    AVPacket *packet;
-    AVFrame *frame;
+    struct h264_decoder decoder;
     struct picture_converter *converter; /* NULL: the planes are copied */
-    bool waits;                          /* a frame was damaged: the next ones refer to it, up to a key frame */
 };
-
-#define MAKE_ONE "make one: ffmpeg -i FILE -pix_fmt yuv420p OUT.y4m"
 
 __attribute__((format(printf, 3, 4))) static enum clip_result fail(struct clip *clip, enum clip_result result,
                                                                    const char *format, ...) {
@@ -55,69 +45,9 @@ static enum clip_result of_y4m(struct clip *clip, enum y4m_result result) {
     return results[result];
 }
 
-/* ---- H.264 ---- */
-
-/* The exact decoder: one thread, no delay, and an error for each damaged picture instead of a guess. */
-static enum clip_result open_decoder(struct clip *clip) {
-    struct clip_mp4 *mp4 = clip->mp4;
-    uint8_t block[MP4_BLOCK];
-    const AVCodec *codec = avcodec_find_decoder(AV_CODEC_ID_H264);
-
-    mp4->packet = av_packet_alloc();
-    mp4->frame = av_frame_alloc();
-    mp4->codec = codec ? avcodec_alloc_context3(codec) : NULL;
-    if (!codec)
-        return fail(clip, CLIP_ERROR, "cannot be decoded: libavcodec has no H.264");
-    if (!mp4->packet || !mp4->frame || !mp4->codec)
-        return fail(clip, CLIP_ERROR, "cannot be decoded: out of memory");
-    /* The decoder takes the parameter sets in the form of the file's `avcC`. */
-    mp4_write_head(block, &mp4->file.format);
-    size_t size;
-    const uint8_t *record = mp4_decoder_record(block, &size);
-    mp4->codec->extradata = av_mallocz(size + AV_INPUT_BUFFER_PADDING_SIZE);
-    if (!mp4->codec->extradata)
-        return fail(clip, CLIP_ERROR, "cannot be decoded: out of memory");
-    memcpy(mp4->codec->extradata, record, size);
-    mp4->codec->extradata_size = (int)size;
-    mp4->codec->max_pixels = (int64_t)mp4->file.format.width * mp4->file.format.height + ROUNDED;
-    mp4->codec->thread_count = 1;
-    mp4->codec->flags |= AV_CODEC_FLAG_LOW_DELAY;
-    mp4->codec->flags2 |= AV_CODEC_FLAG2_SHOW_ALL;
-    mp4->codec->err_recognition = AV_EF_CRCCHECK | AV_EF_BITSTREAM | AV_EF_BUFFER | AV_EF_EXPLODE;
-    mp4->codec->error_concealment = 0;
-    if (avcodec_open2(mp4->codec, codec, NULL) < 0)
-        return fail(clip, CLIP_BAD, "bad parameters of H.264; the file is damaged");
-    return CLIP_OK;
-}
-
-/* Whether a decoded picture is of the recorded geometry. */
-static bool fits(const AVFrame *frame, const struct ddxvideo_geometry *geometry) {
-    static const int formats[3][2] = {{AV_PIX_FMT_YUV420P, AV_PIX_FMT_YUVJ420P},
-                                      {AV_PIX_FMT_YUV422P, AV_PIX_FMT_YUVJ422P},
-                                      {AV_PIX_FMT_YUV444P, AV_PIX_FMT_YUVJ444P}};
-    int chroma = geometry->format == DDX_VIDEO_YUV422P ? 1 : geometry->format == DDX_VIDEO_YUV444P ? 2 : 0;
-
-    return frame->width == geometry->width && frame->height == geometry->height &&
-           (frame->format == formats[chroma][0] || frame->format == formats[chroma][1]);
-}
-
-/* Decodes the packet. False: damaged. */
-static bool decode(struct clip_mp4 *mp4) {
-    int error = avcodec_send_packet(mp4->codec, mp4->packet);
-
-    if (!error)
-        error = avcodec_receive_frame(mp4->codec, mp4->frame);
-    if (!error && !mp4->frame->decode_error_flags && !(mp4->frame->flags & AV_FRAME_FLAG_CORRUPT) &&
-        fits(mp4->frame, &mp4->source))
-        return true;
-    while (!avcodec_receive_frame(mp4->codec, mp4->frame))
-        continue;
-    return false;
-}
-
 /* ---- MP4 ---- */
 
-/* The next frame's bytes, into the packet. */
+/* The next frame's bytes, for the decoder. */
 static enum clip_result take_packet(struct clip *clip, struct mp4_fragment *fragment) {
     struct clip_mp4 *mp4 = clip->mp4;
     long long number = (long long)mp4->file.frames;
@@ -132,10 +62,10 @@ static enum clip_result take_packet(struct clip *clip, struct mp4_fragment *frag
         return fail(clip, CLIP_BAD, "frame %lld: nothing of the kind is where it should begin; the file is damaged",
                     number);
     }
-    av_packet_unref(mp4->packet);
-    if (fragment->bytes > INT32_MAX / 2 || av_new_packet(mp4->packet, (int)fragment->bytes) < 0)
+    uint8_t *room = h264_decoder_room(&mp4->decoder, fragment->bytes);
+    if (!room)
         return fail(clip, CLIP_ERROR, "frame %lld: no memory for %u bytes", number, fragment->bytes);
-    int error = mp4_read_bytes(&mp4->file, fragment, mp4->packet->data);
+    int error = mp4_read_bytes(&mp4->file, fragment, room);
     if (error)
         return fail(clip, CLIP_ERROR, "cannot be read: %s", error == -ENODATA ? "it became shorter" : strerror(-error));
     return CLIP_OK;
@@ -161,23 +91,20 @@ static enum clip_result look_at_first(struct clip *clip, int format) {
         return fail(clip, CLIP_BAD, "has no frame; record or copy it again");
     if (result != CLIP_OK)
         return result;
-    if (!stamp_read(mp4->packet->data, (size_t)mp4->packet->size, &stamp) || !stamp.key ||
-        stamp.geometry.width != mp4->file.format.width || stamp.geometry.height != mp4->file.format.height)
+    if (!h264_decoder_look(&mp4->decoder, &mp4->file.format, &stamp))
         return fail(clip, CLIP_BAD, "its first frame does not tell the layout of the pictures; the file is damaged");
-    mp4->source = clip->geometry = stamp.geometry;
+    clip->geometry = mp4->decoder.geometry;
     clip->geometry.format = choose_format(stamp.geometry.format, format);
     if (clip->geometry.format == DDX_VIDEO_RGB24) /* has no other range */
         clip->geometry.range = DDX_VIDEO_RANGE_FULL;
-    if (!ddxvideo_rate_known(clip->geometry.rate_num, clip->geometry.rate_den))
-        clip->geometry.rate_num = clip->geometry.rate_den = 0;
     clip->start = stamp.time > 0 ? stamp.time : -1;
     mp4_rewind(&mp4->file);
-    if (clip->geometry.format == mp4->source.format)
+    if (clip->geometry.format == stamp.geometry.format)
         return CLIP_OK;
-    const struct picture_kind kind = picture_kind_of(&mp4->source);
+    const struct picture_kind kind = picture_kind_of(&stamp.geometry);
     mp4->converter = picture_converter_new(&kind, &clip->geometry);
     if (!mp4->converter)
-        return fail(clip, CLIP_ERROR, "%s cannot be converted to %s", ddxvideo_layout_name(mp4->source.format),
+        return fail(clip, CLIP_ERROR, "%s cannot be converted to %s", ddxvideo_layout_name(stamp.geometry.format),
                     ddxvideo_layout_name(clip->geometry.format));
     return CLIP_OK;
 }
@@ -193,27 +120,27 @@ static enum clip_result open_mp4(struct clip *clip, int fd, int format) {
     int error = mp4_open(&clip->mp4->file, fd);
     if (error)
         return fail(clip, error == -EBADMSG ? CLIP_BAD : CLIP_ERROR, "%s",
-                    error == -EBADMSG ? "an MP4 file, but not one of ddxvideosave; " MAKE_ONE : strerror(-error));
-    enum clip_result result = open_decoder(clip);
-    return result == CLIP_OK ? look_at_first(clip, format) : result;
+                    error == -EBADMSG ? MP4_FOREIGN : strerror(-error));
+    error = h264_decoder_open(&clip->mp4->decoder, &clip->mp4->file.format);
+    if (error)
+        return fail(clip, error == -EBADMSG ? CLIP_BAD : CLIP_ERROR, "%s", h264_decoder_error(error));
+    return look_at_first(clip, format);
 }
 
-/* Planes of the decoded picture into planes without padding. False if it failed. */
+/* The decoded picture into planes without padding. False if it failed. */
 static bool copy_out(struct clip *clip, unsigned char *const plane[3]) {
-    struct clip_mp4 *mp4 = clip->mp4;
     const struct video_layout *layout = video_layout_of(clip->geometry.format);
-    const unsigned char *from[3] = {mp4->frame->data[0], mp4->frame->data[1], mp4->frame->data[2]};
+    const AVFrame *frame = clip->mp4->decoder.frame;
+    const unsigned char *from[3] = {frame->data[0], frame->data[1], frame->data[2]};
     int stride[3], rows[3];
 
+    if (!clip->mp4->converter) {
+        h264_decoder_copy(&clip->mp4->decoder, plane);
+        return true;
+    }
     for (int i = 0; i < 3; i++)
         video_layout_plane(layout, clip->geometry.width, clip->geometry.height, i, &stride[i], &rows[i]);
-    if (mp4->converter)
-        return picture_convert(mp4->converter, from, mp4->frame->linesize, plane, stride);
-    for (int i = 0; i < 3; i++)
-        for (int row = 0; row < rows[i]; row++)
-            memcpy(plane[i] + (size_t)row * (size_t)stride[i], from[i] + (ptrdiff_t)row * mp4->frame->linesize[i],
-                   (size_t)stride[i]);
-    return true;
+    return picture_convert(clip->mp4->converter, from, frame->linesize, plane, stride);
 }
 
 /* The file's times are whole us; a frame's stamp has the ns, as long as its clock did not jump. */
@@ -235,15 +162,10 @@ static enum clip_result read_mp4(struct clip *clip, unsigned char *const plane[3
     if (result != CLIP_OK)
         return result;
     clip->frames++;
-    bool stamped = stamp_read(mp4->packet->data, (size_t)mp4->packet->size, &stamp);
-    *time = exact_time(clip, fragment.time, stamped ? stamp.time : -1);
-    if (fragment.key && mp4->waits)
-        avcodec_flush_buffers(mp4->codec);
-    if ((mp4->waits && !fragment.key) || !stamped || !decode(mp4)) {
-        mp4->waits = true;
+    bool decoded = h264_decode(&mp4->decoder, fragment.key, &stamp);
+    *time = exact_time(clip, fragment.time, stamp.time);
+    if (!decoded)
         return fail(clip, CLIP_DAMAGED, "frame %lld cannot be decoded", (long long)clip->frames - 1);
-    }
-    mp4->waits = false;
     if (!copy_out(clip, plane))
         return fail(clip, CLIP_ERROR, "frame %lld cannot be converted to %s", (long long)clip->frames - 1,
                     ddxvideo_layout_name(clip->geometry.format));
@@ -277,9 +199,7 @@ void clip_close(struct clip *clip) {
 
     if (mp4) {
         picture_converter_free(mp4->converter);
-        avcodec_free_context(&mp4->codec);
-        av_packet_free(&mp4->packet);
-        av_frame_free(&mp4->frame);
+        h264_decoder_close(&mp4->decoder);
         close(mp4->fd);
         free(mp4);
     } else {
@@ -296,8 +216,8 @@ enum clip_result clip_rewind(struct clip *clip) {
     if (!clip->mp4)
         return of_y4m(clip, y4m_rewind(&clip->y4m));
     mp4_rewind(&clip->mp4->file);
-    avcodec_flush_buffers(clip->mp4->codec);
+    h264_decoder_rewind(&clip->mp4->decoder);
     clip->frames = 0;
-    clip->cut = clip->mp4->waits = false;
+    clip->cut = false;
     return CLIP_OK;
 }

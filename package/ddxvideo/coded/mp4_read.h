@@ -5,6 +5,8 @@
 
 #include "mp4_write.h"
 
+#define MP4_FOREIGN "an MP4 file, but not one of ddxvideosave; make a Y4M file: ffmpeg -i FILE -pix_fmt yuv420p OUT.y4m"
+
 /* Whether a regular file begins as an MP4 file does, of any program. Its position stays. */
 bool mp4_is_any(int fd);
 

@@ -7,6 +7,7 @@
 #include <limits.h>
 #include <string.h>
 
+#include "h264_setup.h"
 #include "rtp.h"
 
 /* ---- H.264, each frame one slice: only the first one is a key frame, later ones renew columns of macroblocks ---- */
@@ -60,9 +61,6 @@ static int pictures_in(const struct encode_h264 *encoder, double seconds) {
 static void set_quality(struct encode_h264 *encoder) {
     x264_param_t *param = &encoder->param;
 
-    param->i_threads = 1;
-    param->b_sliced_threads = 0;
-    param->i_slice_count = 1;
     param->b_intra_refresh = 1;
     param->i_keyint_max = pictures_in(encoder, RENEWAL_SECONDS);
     param->analyse.b_psy = 0;
@@ -73,48 +71,36 @@ static void set_quality(struct encode_h264 *encoder) {
     param->rc.f_rate_tolerance = RATE_TOLERANCE;
 }
 
-static void set_format(x264_param_t *param, const struct ddxvideo_geometry *geometry, int rate_num, int rate_den) {
-    param->i_log_level = X264_LOG_ERROR;
-    param->i_width = geometry->width;
-    param->i_height = geometry->height;
-    param->i_csp = X264_CSP_I420;
-    param->vui.b_fullrange = geometry->range == DDX_VIDEO_RANGE_FULL;
-    param->vui.i_sar_width = geometry->aspect_num;
-    param->vui.i_sar_height = geometry->aspect_den;
-    param->b_vfr_input = 0;
-    param->i_fps_num = param->i_timebase_den = (uint32_t)rate_num;
-    param->i_fps_den = param->i_timebase_num = (uint32_t)rate_den;
-    param->b_repeat_headers = 0; /* take_sets() has them, without x264's text on its version and settings */
-    param->b_annexb = 1;
+static int add_set(struct encode_h264 *encoder, const x264_nal_t *set) {
+    size_t size = (size_t)set->i_payload;
+
+    if (size > ENCODE_SETS_MAX - encoder->sets_size)
+        return AVERROR_BUFFER_TOO_SMALL;
+    memcpy(encoder->sets + encoder->sets_size, set->p_payload, size);
+    encoder->sets_size += size;
+    return 0;
 }
 
 static int take_sets(struct encode_h264 *encoder) {
-    x264_nal_t *nal;
-    int count;
+    x264_nal_t sps, pps;
 
-    if (x264_encoder_headers(encoder->x264, &nal, &count) < 0)
+    if (h264_take_sets(encoder->x264, &sps, &pps))
         return AVERROR_EXTERNAL;
-    for (; count > 0; count--, nal++) {
-        size_t size = (size_t)nal->i_payload;
-
-        if (nal->i_type != NAL_SPS && nal->i_type != NAL_PPS)
-            continue;
-        if (size > ENCODE_SETS_MAX - encoder->sets_size)
-            return AVERROR_BUFFER_TOO_SMALL;
-        memcpy(encoder->sets + encoder->sets_size, nal->p_payload, size);
-        encoder->sets_size += size;
-    }
-    return 0;
+    int error = add_set(encoder, &sps);
+    return error ? error : add_set(encoder, &pps);
 }
 
 /* `bitrate`: bit/s; `fast`: preset ultrafast. 0, or a negative AVERROR. Close it in any case. */
 static int encode_h264_open(struct encode_h264 *encoder, const struct ddxvideo_geometry *geometry, int rate_num,
                             int rate_den, long bitrate, bool fast) {
+    struct ddxvideo_geometry coded = *geometry;
+
+    coded.format = DDX_VIDEO_420; /* as the pictures are, whatever layout the store has */
     *encoder = (struct encode_h264){.rate = (double)rate_num / rate_den, .buffer = BUFFER_FRAMES_MOST};
     encoder->bytes = (double)bitrate / 8 / encoder->rate;
-    if (x264_param_default_preset(&encoder->param, fast ? "ultrafast" : "superfast", "zerolatency") < 0)
+    if (h264_set_up(&encoder->param, fast ? "ultrafast" : "superfast", &coded, rate_num, rate_den))
         return AVERROR_EXTERNAL;
-    set_format(&encoder->param, geometry, rate_num, rate_den);
+    encoder->param.b_annexb = 1;
     set_quality(encoder);
     set_rate(encoder, encoder->bytes);
     encoder->x264 = x264_encoder_open(&encoder->param);
@@ -151,15 +137,9 @@ static int encode_h264_picture(struct encode_h264 *encoder, const struct ddxvide
 
     set_rate(encoder, wanted ? (double)wanted : encoder->bytes);
     x264_encoder_reconfig(encoder->x264, &encoder->param);
-    x264_picture_init(&in);
+    h264_set_picture(&in, picture, DDX_VIDEO_420);
     in.i_pts = number;
     in.i_type = key ? X264_TYPE_IDR : X264_TYPE_AUTO;
-    in.img.i_csp = X264_CSP_I420;
-    in.img.i_plane = 3;
-    for (int i = 0; i < 3; i++) { /* x264 copies them */
-        in.img.plane[i] = (uint8_t *)(uintptr_t)picture->plane[i];
-        in.img.i_stride[i] = picture->stride[i];
-    }
     int bytes = x264_encoder_encode(encoder->x264, &nal, &count, &in, &out);
     if (bytes <= 0)
         return AVERROR_EXTERNAL;
