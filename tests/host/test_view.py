@@ -362,7 +362,7 @@ def test_bad_input(desk: Desk, display: Display, small_disk: pathlib.Path) -> No
     (desk.folder / "clip.mp4").write_bytes(b"\0\0\0 ftypisom\0\0\2\0isomiso2avc1mp41\n")
     bad: list[tuple[list[str], int, str]] = [
         (["-name", "ddxvideoload.stats"], 1, "ddxvideoload.stats: no video item"),
-        (["clip.mp4"], 2, "clip.mp4: no Y4M file; make one: ffmpeg -i FILE -pix_fmt yuv420p OUT.y4m"),
+        (["clip.mp4"], 2, "clip.mp4: an MP4 file, but not one of ddxvideosave; make a Y4M file: ffmpeg -i FILE"),
         (["none.y4m"], 2, "none.y4m: cannot be opened: No such file"), ([str(desk.folder)], 2, "no regular file")]
     for arguments, status, text in bad:
         done = desk.run("ddxvideoview", *arguments)

@@ -13,8 +13,10 @@
 
 #include "find.h"
 #include "index.h"
+#include "mp4_read.h"
 #include "pool_files.h"
 #include "schedule.h"
+#include "stamp.h"
 
 /* ---- The frames of one file ---- */
 
@@ -75,7 +77,7 @@ static void say_short(struct frames *frames, const struct frames_part *part, uin
 /* Frames that are missing before this one; before the first of a part there may be more than its index has. */
 static uint32_t missing_before(struct frames *frames, const struct frames_part *part, const struct index_entry *entry,
                                bool first) {
-    uint64_t missing = (uint64_t)entry->lost_store + entry->lost_ring, gap = 0;
+    uint64_t missing = (uint64_t)entry->lost_store + entry->lost_ring + entry->lost_encode, gap = 0;
     uint64_t step = entry->sequence > frames->sequence ? entry->sequence - frames->sequence : 1;
 
     if (first && frames->count && !part->follows) /* files between these two may have been deleted */
@@ -105,7 +107,8 @@ static int take_index(struct frames *frames, struct frames_part *part, const str
                                                           .bytes = from->bytes,
                                                           .part = frames->next,
                                                           .missing = missing_before(frames, part, from, !i),
-                                                          .number = from->frame});
+                                                          .number = from->frame,
+                                                          .key = from->flags & INDEX_KEY});
     }
     frames->cut = all - count;
     if (frames->cut)
@@ -133,13 +136,15 @@ static int frames_index_read(struct frames *frames, struct frames_part *part) {
     return error;
 }
 
-/* ---- By its FRAME lines ---- */
+/* ---- By its FRAME lines, or its fragments ---- */
 
 struct frames_scan {
     int fd;
-    uint64_t at, bytes, picture;
-    int64_t begin; /* time of the first frame */
-    int64_t first; /* its number */
+    bool is_mp4;
+    struct mp4_file mp4;
+    uint64_t at, bytes, picture; /* of a Y4M file; at == bytes: no more frames, in each case */
+    int64_t begin;               /* time of the first frame */
+    int64_t first;               /* its number */
     uint32_t rate_num, rate_den;
 };
 
@@ -163,6 +168,13 @@ static int scan_begin(struct frames *frames, const struct frames_part *part) {
     frames->scan = scan;
     if (scan->fd < 0 || fstat(scan->fd, &status))
         return 0; /* nothing more to read: the next file */
+    scan->first = frames->count;
+    posix_fadvise(scan->fd, 0, 0, POSIX_FADV_RANDOM); /* read the lines, not the pictures between them */
+    scan->is_mp4 = mp4_is_any(scan->fd);
+    if (scan->is_mp4) {
+        scan->bytes = !mp4_open(&scan->mp4, scan->fd);
+        return 0;
+    }
     scan->at = frames_header(scan->fd, &header, error);
     scan->bytes = scan->at ? (uint64_t)status.st_size : 0;
     for (int plane = 0; plane < 4 && scan->at; plane++)
@@ -170,8 +182,6 @@ static int scan_begin(struct frames *frames, const struct frames_part *part) {
     bool known = scan->at && header.geometry.rate_num;
     scan->rate_num = known ? (uint32_t)header.geometry.rate_num : USUAL_RATE;
     scan->rate_den = known ? (uint32_t)header.geometry.rate_den : 1;
-    scan->first = frames->count;
-    posix_fadvise(scan->fd, 0, 0, POSIX_FADV_RANDOM); /* read the lines, not the pictures between them */
     return 0;
 }
 
@@ -182,8 +192,15 @@ static int64_t wall_of(const char *line) {
     return word ? strtoll(word + strlen(" XDDX_WALL="), NULL, 10) : 0;
 }
 
+/* How a file's frames end before its end. */
+static void end_early(struct frames *frames, bool cut) {
+    snprintf(frames->text, sizeof frames->text, "%s after frame %" PRId64, cut ? "cut short" : "damaged",
+             frames->count - 1);
+    frames->scan->at = frames->scan->bytes;
+}
+
 /* Takes the frame whose line is at the current position. The line's length, 0 if there is none. */
-static size_t scan_frame(struct frames *frames, struct frames_part *part, struct frames_entry *entry) {
+static size_t scan_line(struct frames *frames, struct frames_part *part, struct frames_entry *entry) {
     struct frames_scan *scan = frames->scan;
     char line[Y4M_FRAME_LINE_MAX + 1], error[Y4M_ERROR_MAX];
     ssize_t got = pread(scan->fd, line, Y4M_FRAME_LINE_MAX, (off_t)scan->at);
@@ -205,24 +222,65 @@ static size_t scan_frame(struct frames *frames, struct frames_part *part, struct
     return (size_t)(end - line) + 1;
 }
 
-/* Read the next FRAME lines. 1: there are more; 0: there are no more; -ENOMEM. */
+static int scan_y4m(struct frames *frames, struct frames_part *part) {
+    struct frames_scan *scan = frames->scan;
+    struct frames_entry entry;
+    size_t line = scan_line(frames, part, &entry);
+
+    if (!line || scan->bytes - scan->at < entry.bytes) {
+        end_early(frames, line);
+        return 0;
+    }
+    scan->at += entry.bytes;
+    return frames_add(frames, &entry);
+}
+
+/* The stamp of the fragment that was found last. */
+static bool read_stamp(const struct frames_scan *scan, const struct mp4_fragment *fragment, struct stamp *stamp) {
+    uint8_t begin[STAMP_NAL_MAX];
+    size_t size = fragment->bytes < sizeof begin ? fragment->bytes : sizeof begin;
+    ssize_t got = pread(scan->fd, begin, size, (off_t)(scan->mp4.at - fragment->bytes));
+
+    return got == (ssize_t)size && stamp_read(begin, size, stamp);
+}
+
+static int scan_mp4(struct frames *frames, struct frames_part *part) {
+    struct frames_scan *scan = frames->scan;
+    struct mp4_fragment fragment;
+    struct stamp stamp;
+    enum mp4_next next = mp4_next_frame(&scan->mp4, &fragment);
+
+    if (next == MP4_END)
+        scan->at = scan->bytes;
+    else if (next != MP4_FRAME || !read_stamp(scan, &fragment, &stamp))
+        end_early(frames, next == MP4_CUT);
+    if (scan->at == scan->bytes)
+        return 0;
+    if (fragment.number == 1 && stamp.time > 0) {
+        scan->begin = stamp.time;
+        part->wall_offset = stamp.wall ? stamp.wall - stamp.time : 0;
+    }
+    /* By the times that players show, which never go back. */
+    int64_t time, shown = fragment.time <= INT64_MAX / 1000 ? (int64_t)fragment.time * 1000 : INT64_MAX;
+    if (__builtin_add_overflow(scan->begin, shown, &time))
+        time = INT64_MAX;
+    return frames_add(frames, &(struct frames_entry){
+                                  .offset = scan->mp4.at - fragment.bytes - MP4_FRAGMENT,
+                                  .time = time,
+                                  .bytes = fragment.bytes + MP4_FRAGMENT,
+                                  .part = frames->next,
+                                  .missing = small((uint64_t)stamp.lost_store + stamp.lost_ring + stamp.lost_encode),
+                                  .number = (int32_t)stamp.frame,
+                                  .key = fragment.key});
+}
+
+/* Read the next FRAME lines or fragments. 1: there are more; 0: there are no more; -ENOMEM. */
 static int frames_scan(struct frames *frames, struct frames_part *part) {
     int error = frames->scan ? 0 : scan_begin(frames, part);
     struct frames_scan *scan = frames->scan;
-    struct frames_entry entry;
 
-    for (int i = 0; i < LINES && !error && scan->at < scan->bytes; i++) {
-        size_t line = scan_frame(frames, part, &entry);
-
-        if (!line || scan->bytes - scan->at < entry.bytes) {
-            snprintf(frames->text, sizeof frames->text, "%s after frame %" PRId64, line ? "cut short" : "damaged",
-                     frames->count - 1);
-            scan->at = scan->bytes;
-        } else {
-            error = frames_add(frames, &entry);
-            scan->at += entry.bytes;
-        }
-    }
+    for (int i = 0; i < LINES && !error && scan->at < scan->bytes; i++)
+        error = scan->is_mp4 ? scan_mp4(frames, part) : scan_y4m(frames, part);
     if (!error && scan->at < scan->bytes)
         return 1;
     frames_scan_end(frames);

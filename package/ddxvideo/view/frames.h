@@ -2,7 +2,7 @@
 /*
  * Positions of all frames in a file, or in all files of a recording. They are found in steps, so that the first picture
  * of a large file can be shown at once. For a file of a recording the whole index is read, for other files their FRAME
- * lines.
+ * lines, or the fragments of an MP4 file.
  */
 #ifndef DDXVIDEO_FRAMES_H
 #define DDXVIDEO_FRAMES_H
@@ -14,12 +14,13 @@
 
 /* The frames that are known so far, of a file or of all files of a recording. */
 struct frames_entry {
-    uint64_t offset; /* of its FRAME line */
+    uint64_t offset; /* of its FRAME line or fragment */
     int64_t time;    /* ns: of the capture if known, otherwise since the first frame */
-    uint32_t bytes;  /* line and picture */
+    uint32_t bytes;  /* line and picture, or the whole fragment */
     uint32_t part;
     uint32_t missing; /* frames before it */
     int32_t number;   /* the source's, or from 0 */
+    bool key;         /* of an MP4 file: a key frame */
 };
 
 struct frames_part {

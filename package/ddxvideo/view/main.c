@@ -46,7 +46,7 @@ static int wait_for(struct view *view) {
     struct source_state state;
 
     view->source->state(view->source, &state);
-    if (state.working)
+    if (state.working || state.preparing)
         return view->dirty ? 0 : 1;
     return control_wait(view, LOOK);
 }
@@ -146,7 +146,7 @@ static struct source *open_source(const struct options *options, bool check, con
     if (options->stream.port)
         source = source_stream(&options->stream, check, limits, surface, status);
     else if (!check && options->program.argument)
-        source = source_file(options->program.argument, status);
+        source = source_file(options->program.argument, limits->bytes, status);
     else if (!check && !(source = source_item(options->name, (int)options->program.port, limits, surface)))
         *status = EXIT_FAILED;
     return source;
@@ -203,8 +203,8 @@ int main(int argc, char **argv) {
         {"key", "FILE", "the key of an encrypted stream", OPTION_TEXT, &options.stream.key, 0, 0},
         {"history", "N", "frames to go back in an item or a stream (default: 250)", OPTION_NUMBER, &options.history, 1,
          1000000},
-        {"memory", "SIZE", "what these take at most, for example 64M or 1G (default: 256M)", OPTION_TEXT,
-         &options.memory, 0, 0},
+        {"memory", "SIZE", "what these, or decoded frames of an MP4 file, take at most: 64M, 1G (default: 256M)",
+         OPTION_TEXT, &options.memory, 0, 0},
         {NULL, NULL, NULL, OPTION_FLAG, NULL, 0, 0},
     };
     struct source_limits limits;
@@ -214,8 +214,8 @@ int main(int argc, char **argv) {
         .positional = "FILE",
         .optional = true,
         .purpose = "Shows a video item, a stream or a file in a window, frame by frame; without a display, on the\n"
-                   "screen of this machine. FILE is a Y4M file; of a recording, all its files are shown. While it\n"
-                   "is paused, an item or a stream goes on being received, and its last frames can be looked at.",
+                   "screen of this machine. FILE is a recording, Y4M or MP4; all its files are shown. While it is\n"
+                   "paused, an item or a stream goes on being received, and its last frames can be looked at.",
         .notes = "Keys are those of mpv: Space pauses, `.` and `,` step, `s` saves the frame, `q` quits; `?` lists\n"
                  "all of them.",
         .options = table,

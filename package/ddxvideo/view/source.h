@@ -13,7 +13,8 @@ struct surface;
 
 struct source_state {
     bool failed;    /* no picture ever came, and none will come: a line has been printed */
-    bool working;   /* source_work() can find more positions */
+    bool working;   /* work() can find more positions */
+    bool preparing; /* work() can decode frames that may be shown next */
     uint64_t lost;  /* frames */
     double rate;    /* frames a second; 0: not known */
     char text[120]; /* what the source waits for; "": nothing */
@@ -54,7 +55,10 @@ struct source_stream {
 struct source *source_stream(const struct source_stream *settings, bool check, const struct source_limits *limits,
                              struct surface *surface, int *status);
 
-/* Open a Y4M file, or all files of its recording. NULL, after a line: *status is the exit status. */
-struct source *source_file(const char *path, int *status);
+/*
+ * Open a Y4M or MP4 file, or all files of its recording. Decoded pictures of up to `limit` bytes are kept. NULL, after
+ * a line: *status is the exit status.
+ */
+struct source *source_file(const char *path, uint64_t limit, int *status);
 
 #endif

@@ -1,5 +1,5 @@
 /* SPDX-License-Identifier: GPL-2.0-or-later */
-/* A Y4M file, or the files of a recording. Each picture is one read, at any position. */
+/* A Y4M or MP4 file, or the files of a recording. Each picture of Y4M is one read, at any position. */
 #include <errno.h>
 #include <fcntl.h>
 #include <stdio.h>
@@ -8,7 +8,9 @@
 #include <sys/stat.h>
 #include <unistd.h>
 
+#include "decoded.h"
 #include "frames.h"
+#include "mp4_read.h"
 #include "picture_convert.h"
 #include "program.h"
 #include "source.h"
@@ -18,10 +20,13 @@ struct file_source {
     struct source source;
     struct frames frames;
     struct shot_pool pool;
+    uint64_t limit; /* bytes of kept pictures */
     /* the file of the last read */
     int fd; /* -1: none */
     unsigned part;
-    struct y4m_header header;
+    bool is_mp4;
+    struct decoded decoded;              /* of an MP4 file */
+    struct y4m_header header;            /* of a Y4M file */
     struct picture_converter *converter; /* NULL: its planes are like the store's */
     char wrong[Y4M_ERROR_MAX];           /* why the last picture could not be read, or "" */
 };
@@ -38,30 +43,45 @@ static int64_t file_time(struct source *source, int64_t position) {
 }
 
 static void file_work(struct source *source) {
-    struct frames *frames = &((struct file_source *)source)->frames;
+    struct file_source *from = (struct file_source *)source;
+    struct frames *frames = &from->frames;
 
     if (frames_work(frames)) {
         snprintf(frames->text, sizeof frames->text, "out of memory: only the first frames are shown");
         frames->complete = true;
     }
+    if (from->is_mp4 && frames->complete)
+        decoded_prepare(&from->decoded, frames);
 }
 
 static void file_state(struct source *source, struct source_state *state) {
     struct file_source *from = (struct file_source *)source;
-    const struct ddxvideo_geometry *geometry = &from->header.geometry;
+    const struct ddxvideo_geometry *geometry = from->is_mp4 ? &from->decoded.geometry : &from->header.geometry;
 
-    *state = (struct source_state){.working = !from->frames.complete, .lost = from->frames.lost};
+    *state = (struct source_state){.working = !from->frames.complete,
+                                   .preparing = from->is_mp4 && from->frames.complete &&
+                                                decoded_can_prepare(&from->decoded, &from->frames),
+                                   .lost = from->frames.lost};
     if (geometry->rate_den)
         state->rate = (double)geometry->rate_num / geometry->rate_den;
     snprintf(state->text, sizeof state->text, "%.119s", *from->wrong ? from->wrong : from->frames.text);
 }
 
+static void close_part(struct file_source *from) {
+    if (from->is_mp4)
+        decoded_close(&from->decoded);
+    from->is_mp4 = false;
+    picture_converter_free(from->converter);
+    from->converter = NULL;
+    if (from->fd >= 0)
+        close(from->fd);
+    from->fd = -1;
+}
+
 static void file_close(struct source *source) {
     struct file_source *from = (struct file_source *)source;
 
-    if (from->fd >= 0)
-        close(from->fd);
-    picture_converter_free(from->converter);
+    close_part(from);
     frames_close(&from->frames);
     shot_pool_close(&from->pool);
     free(from);
@@ -69,33 +89,38 @@ static void file_close(struct source *source) {
 
 /* ---- Pictures ---- */
 
+static bool open_y4m(struct file_source *from) {
+    if (!frames_header(from->fd, &from->header, from->wrong))
+        return false;
+    if (y4m_is_plain(&from->header) || (from->converter = y4m_converter(&from->header)))
+        return true;
+    snprintf(from->wrong, sizeof from->wrong, "C%s cannot be converted to 4:2:0", from->header.layout->tag);
+    return false;
+}
+
 /* Opens a part, and reads its header. False, with a text in `wrong`. */
 static bool open_part(struct file_source *from, unsigned part) {
     const char *path = from->frames.part[part].path;
     struct stat status;
+    bool opened = false;
 
     if (from->fd >= 0 && from->part == part)
         return true;
-    if (from->fd >= 0)
-        close(from->fd);
-    picture_converter_free(from->converter);
-    from->converter = NULL;
+    close_part(from);
     from->part = part;
     from->fd = open(path, O_RDONLY | O_CLOEXEC | O_NONBLOCK | O_NOCTTY); /* do not wait for a pipe */
-    if (from->fd < 0 || fstat(from->fd, &status))
+    if (from->fd < 0 || fstat(from->fd, &status)) {
         snprintf(from->wrong, sizeof from->wrong, "cannot be opened: %s", strerror(errno));
-    else if (!S_ISREG(status.st_mode))
+    } else if (!S_ISREG(status.st_mode)) {
         snprintf(from->wrong, sizeof from->wrong, "no regular file");
-    else if (frames_header(from->fd, &from->header, from->wrong)) {
-        if (!y4m_is_plain(&from->header) && !(from->converter = y4m_converter(&from->header)))
-            snprintf(from->wrong, sizeof from->wrong, "C%s cannot be converted to 4:2:0", from->header.layout->tag);
-        else
-            return true;
+    } else {
+        from->is_mp4 = mp4_is_any(from->fd);
+        opened = from->is_mp4 ? decoded_open(&from->decoded, from->fd, &from->pool, from->limit, from->wrong)
+                              : open_y4m(from);
     }
-    if (from->fd >= 0)
-        close(from->fd);
-    from->fd = -1;
-    return false;
+    if (!opened)
+        close_part(from);
+    return opened;
 }
 
 static size_t picture_bytes(const struct file_source *from) {
@@ -156,7 +181,10 @@ static struct shot *file_take(struct source *source, int64_t position) {
         return NULL;
     const struct frames_entry *entry = &from->frames.entry[position];
     *from->wrong = 0;
-    struct shot *shot = open_part(from, entry->part) ? read_shot(from, entry) : NULL;
+    if (!open_part(from, entry->part))
+        return NULL;
+    struct shot *shot =
+        from->is_mp4 ? decoded_take(&from->decoded, &from->frames, position, from->wrong) : read_shot(from, entry);
     if (!shot)
         return NULL;
     shot->picture.stamp = (struct ddxvideo_stamp){
@@ -183,7 +211,7 @@ static bool begin(struct file_source *from, const char *path) {
     return false;
 }
 
-struct source *source_file(const char *path, int *status) {
+struct source *source_file(const char *path, uint64_t limit, int *status) {
     struct file_source *from = calloc(1, sizeof *from);
 
     if (!from) {
@@ -192,6 +220,7 @@ struct source *source_file(const char *path, int *status) {
         return NULL;
     }
     from->fd = -1;
+    from->limit = limit;
     shot_pool_open(&from->pool, UINT64_MAX);
     from->source = (struct source){.range = file_range,
                                    .take = file_take,
