@@ -2,7 +2,7 @@
 """Random events, drawn from a seed, on a real writer and recorder; then the files are compared with the counters.
 
 The files are read frame by frame, by code that shares nothing with the programs: each byte of a picture holds its
-number.
+number. Odd seeds record lossless MP4 files, which FFmpeg decodes.
 """
 from __future__ import annotations
 
@@ -17,6 +17,8 @@ import subprocess
 import time
 from collections.abc import Callable
 from typing import Any
+
+from parts.media import mp4
 
 from .programs import Desk, Process, wait_until
 
@@ -40,8 +42,17 @@ def write_clips(folder: pathlib.Path) -> list[pathlib.Path]:
     return clips
 
 
+def read_coded(path: pathlib.Path) -> list[int]:
+    width, height = mp4.size(path)
+    found = [(struct.unpack_from("<I", one)[0], one) for one in mp4.pictures(path, width * height * 3 // 2)]
+    assert all(one == picture(number, width, height) for number, one in found), f"{path}: torn frame"
+    return [number for number, _ in found]
+
+
 def read_numbers(path: pathlib.Path) -> list[int]:
     """The numbers of the frames in a recording; anything else in it, or a partial frame, is an error."""
+    if path.suffix == ".mp4":
+        return read_coded(path)
     data = path.read_bytes()
     end = data.index(b"\n")
     words = {word[:1]: word[1:] for word in data[:end].split()[1:]}
@@ -69,7 +80,9 @@ class Script:
         self.kept.mkdir()
         self.folder = disk / "rec"
         self.folder.mkdir(exist_ok=True)
-        self.output = self.folder if self.random.random() < 0.6 else self.folder / "out.y4m"
+        self.format = ("-format", "h264", "-quality", "0") if seed % 2 else ()
+        self.suffix = ".mp4" if seed % 2 else ".y4m"
+        self.output = self.folder if self.random.random() < 0.6 else self.folder / f"out{self.suffix}"
         self.filler = disk / "filler"
         self.recorder: Process | None = None
         self.writer: Process | None = None
@@ -135,7 +148,8 @@ class Script:
         if self.alive(self.recorder):
             return
         starts = int(self.counters("ddxvideosave").get("starts", 0))
-        self.recorder = self.desk.start("ddxvideosave", "-output", self.output, "-keep", self.random.choice((4, 32)))
+        self.recorder = self.desk.start("ddxvideosave", "-output", self.output, *self.format, "-keep",
+                                        self.random.choice((4, 32)))
         wait_until(lambda: not self.alive(self.recorder) or self.follows(starts))
 
     def follows(self, starts: int) -> bool:
@@ -175,9 +189,9 @@ class Script:
         self.filler.unlink(missing_ok=True)
 
     def save_files(self, but: set[str]) -> None:
-        for file in sorted(self.folder.glob("*.y4m")):
+        for file in sorted(self.folder.glob(f"*{self.suffix}")):
             if str(file) not in but:
-                shutil.move(file, self.kept / f"{len(list(self.kept.iterdir()))}.y4m")
+                shutil.move(file, self.kept / f"{len(list(self.kept.iterdir()))}{self.suffix}")
 
     def unplug(self) -> None:
         """Remove the folder with the current recording; finished files have been saved before."""
@@ -243,7 +257,7 @@ class Script:
 
     def judge(self) -> None:
         written = self.desk.sequence("video")
-        files = [*self.folder.glob("*.y4m"), *self.kept.glob("*.y4m")]
+        files = [*self.folder.glob(f"*{self.suffix}"), *self.kept.iterdir()]
         numbers = [read_numbers(file) for file in files if file.stat().st_size]
         loaded, saved = self.desk.stats("ddxvideoload"), self.desk.stats("ddxvideosave")
         in_files = sum(map(len, numbers))

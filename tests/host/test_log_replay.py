@@ -162,28 +162,36 @@ def recorded_run(desk: Desk, log: pathlib.Path, video: pathlib.Path, prefix: str
 
 
 def test_log_and_recording_together(desk: Desk, compile_client: Compiler) -> None:
-    """Frames and values are replayed by one clock and recorded again: every frame, value and time is equal."""
+    """Frames and values are replayed by one clock and recorded again: every frame, value and time is equal. An MP4
+    recording of the frames follows the same clock."""
     clip = make_clip(desk.folder / "clip.y4m", "64x48", "25", 50)
     logger, saver = begin(desk, "output one\nitem *\n", "one"), start_recorder(desk, "-output", "one.y4m")
+    coded = start_recorder(desk, "-output", "one.mp4", "-quality", "0", "-instance", "coded")
     writer = write(desk, compile_client, "imu", 250, 10000)
     wait_until(lambda: desk.sequence("imu") > 0)  # the log starts first
-    assert desk.run("ddxvideoload", clip, "-readers", "1").returncode == 0
+    assert desk.run("ddxvideoload", clip, "-readers", "2").returncode == 0
     written(desk, writer)
-    assert stop(saver)[0] == 0 and stop(logger)[0] == 0
+    assert stop(saver)[0] == stop(coded)[0] == stop(logger)[0] == 0
     first = recorded_run(desk, only(desk, "one"), desk.folder / "one.y4m", "")
     assert len(first) == 300
 
     logger = begin(desk, "output two\nitem r.*\n", "two")
     saver = start_recorder(desk, "-output", "two.y4m", "-name", "again")
+    other = start_recorder(desk, "-output", "three.y4m", "-name", "coded", "-instance", "coded")
     loader = desk.start("ddxvideoload", "one.y4m", "-name", "again", "-clock", "run.clock", "-readers", "1")
-    # The replay waits only for its own readers; the loader has its readers before it looks for the clock.
-    wait_until(lambda: desk.readers("again") == 1)
+    decoder = desk.start("ddxvideoload", "one.mp4", "-name", "coded", "-clock", "run.clock", "-readers", "1",
+                         "-instance", "decoder")
+    # The replay waits only for its own readers; a loader has its readers before it looks for the clock.
+    wait_until(lambda: desk.readers("again") == desk.readers("coded") == 1)
     counters, _ = replay(desk, only(desk, "one"), "-prefix", "r.", "-clock", "run.clock", "-readers", "1",
                          "-except", "*.stats,video*")
-    assert loader.wait(60) == 0, desk.errors(loader)
-    assert stop(saver)[0] == 0 and stop(logger)[0] == 0
+    assert loader.wait(60) == decoder.wait(60) == 0, desk.errors(loader) + desk.errors(decoder)
+    assert stop(saver)[0] == stop(other)[0] == stop(logger)[0] == 0
     second = recorded_run(desk, only(desk, "two"), desk.folder / "two.y4m", "r.")
     assert second == first  # times are equal to the nanosecond
+    third = desk.folder / "three.y4m"
+    assert pictures(third) == pictures(desk.folder / "two.y4m") and times(third) == times(desk.folder / "two.y4m")
+    assert start_of(third) == start_of(desk.folder / "two.y4m")
     assert counters["out"] == 250
 
 

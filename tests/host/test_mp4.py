@@ -306,7 +306,7 @@ def test_killed_within_a_frame(desk: Desk) -> None:
 
 
 def test_the_clip_is_played_in_its_time(desk: Desk) -> None:
-    """-loop continues times; -clock needs the time of recording, which the file has."""
+    """-loop continues the times. test_log_replay.py has -clock."""
     recorded(desk, even(5), "-output", "out.mp4")
     saver = start_recorder(desk, "-output", "again.mp4", "-name", "again", "-instance", "again")
     wait_for_recorder(desk, "again")
@@ -340,6 +340,91 @@ def test_other_mp4_files_are_refused(desk: Desk) -> None:
     done = desk.run("ddxvideoload", "other.mp4")
     assert done.returncode == 2 and done.stderr.count("\n") == 1
     assert "not one of ddxvideosave" in done.stderr and "ffmpeg -i FILE" in done.stderr
+
+
+def loaded(desk: Desk, size: str, head: bytes = b"") -> None:
+    """Play three pictures of this size; `head`: instead of the clip's first line."""
+    clip = make_clip(desk.folder / f"{size}.y4m", size, "25", 3)
+    if head:
+        clip.write_bytes(head + clip.read_bytes()[clip.read_bytes().index(b"\n"):])
+    assert desk.run("ddxvideoload", clip, "-rate", "0", "-readers", "1").returncode == 0
+
+
+@pytest.mark.parametrize("place", ["out.mp4", "rec"])
+def test_a_size_that_changes(desk: Desk, place: str) -> None:
+    """In a folder another file begins; a single file ends, whole."""
+    (desk.folder / "rec").mkdir()
+    saver = start_recorder(desk, "-output", place, "-format", "h264")
+    wait_for_recorder(desk)
+    loaded(desk, "64x48")
+    loaded(desk, "48x32")
+    if place == "rec":
+        status, counters = stop(saver)
+        files = sorted((desk.folder / "rec").glob("video-*.mp4"))
+        sizes = [(probe(path)["streams"][0]["width"], len(probe(path)["frames"])) for path in files]
+        assert (status, counters["out"], sizes) == (0, 6, [(64, 3), (48, 3)])
+        assert all(top(path.read_bytes()) == ["ftyp", "mdat", "moov"] for path in files)
+    else:
+        status, counters = result(saver)
+        assert "the picture changed from 64x48 to 48x32, and a file holds one kind" in desk.errors(saver)
+        assert (status, counters["out"]) == (1, 3) and counters["in"] == 3 + lost(counters)
+        assert table((desk.folder / place).read_bytes())[0] == fragments((desk.folder / place).read_bytes())
+
+
+def test_an_unknown_rate(desk: Desk) -> None:
+    """The last frame is shown as long as at 25 frames a second; the others by their times."""
+    saver = start_recorder(desk, "-output", "out.mp4")
+    wait_for_recorder(desk)
+    loaded(desk, "64x48", b"YUV4MPEG2 W64 H48 C420jpeg")
+    assert stop(saver)[0] == 0
+    data = (desk.folder / "out.mp4").read_bytes()
+    frames, duration = table(data)
+    assert frames == fragments(data) and duration == frames[-1].time + 40_000
+    assert stamps(desk.folder / "out.mp4")[0].geometry[3:5] == (0, 0)
+
+
+def test_no_room_for_the_table(desk: Desk, small_disk: pathlib.Path) -> None:
+    """The file stays playable, and the next recorder finishes it. The table is larger than the rest of a page."""
+    count = 220
+    clip = make_clip(desk.folder / "clip.y4m", "16x16", "25", count)
+    uneven = b"".join(b"FRAME XTIME=%d\n" % (number * number * 1_000_000) + picture
+                      for number, picture in enumerate(pictures(clip)))
+    clip.write_bytes(clip.read_bytes().split(b"\n", 1)[0] + b"\n" + uneven)
+    saver = start_recorder(desk, "-output", small_disk / "out.mp4", "-quality", "40", "-ring", "1000")
+    wait_for_recorder(desk)
+    assert desk.run("ddxvideoload", clip, "-rate", "0", "-readers", "1").returncode == 0
+    wait_until(lambda: desk.out("ddxvideosave") == count)
+    with (small_disk / "filler").open("wb", buffering=0) as filler, pytest.raises(OSError):
+        while filler.write(bytes(4096)):
+            pass
+    status, counters = stop(saver)
+    path = small_disk / "out.mp4"
+    assert (status, counters["out"], lost(counters)) == (1, count, 0)
+    assert "has no table, so players cannot seek in it, No space left on device" in desk.errors(saver)
+    assert top(path.read_bytes())[:4] == BEGUN and len(probe(path)["frames"]) == count
+    (small_disk / "filler").unlink()
+    saver = start_recorder(desk, "-output", path)
+    wait_for_recorder(desk, starts=2)
+    assert stop(saver)[0] == 0 and "was left unfinished; finished" in desk.errors(saver)
+    assert top(path.read_bytes()) == ["ftyp", "mdat", "moov"] and len(table(path.read_bytes())[0]) == count
+
+
+def test_stopped_while_a_pipe_is_full(desk: Desk) -> None:
+    """Its reader does not read: the recorder stops nevertheless, and counts what the pipe did not take."""
+    pipe = desk.folder / "pipe"
+    os.mkfifo(pipe)
+    saver = start_recorder(desk, "-output", pipe, "-format", "h264", "-quality", "0")
+    reader = os.open(pipe, os.O_RDONLY | os.O_NONBLOCK)
+    wait_for_recorder(desk)
+    write(desk, even(24), (176, 144))
+    wait_until(lambda: bool(desk.stats("ddxvideosave")["in"] == 24))
+    status, counters = stop(saver)
+    data = b""
+    while more := os.read(reader, 1 << 16):
+        data += more
+    os.close(reader)
+    assert (status, counters["in"]) == (0, 24) and counters["lost"]["write"] > 0
+    assert counters["out"] + lost(counters) == 24 and len(fragments(data)) == counters["out"]
 
 
 def test_gstreamer(desk: Desk) -> None:

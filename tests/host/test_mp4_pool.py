@@ -298,6 +298,22 @@ def left_by_a_killed_recorder(desk: Desk) -> None:
     saver.wait()
 
 
+def test_a_slow_recovery_loses_no_frame(desk: Desk, tmp_path: pathlib.Path) -> None:
+    """While the disk does not finish the file that was left, the queue takes the frames."""
+    left_by_a_killed_recorder(desk)
+    stalled = tmp_path / "stalled"
+    stalled.touch()
+    saver = begin(desk, starts=2, wrapper=("env", f"LD_PRELOAD={preload('stalled_disk', desk.folder)}",
+                                           f"STALLED_SYNC={stalled}"))
+    write(desk, even(40, 9 * SECOND))
+    wait_until(lambda: bool(desk.stats("ddxvideosave")["in"] >= 50))
+    assert not files(desk) and desk.out("ddxvideosave") == 10
+    stalled.unlink()
+    status, counters = stop(saver)
+    assert (status, counters["out"], lost(counters)) == (0, 50, 0)
+    assert [index_of(path).frames for path in files(desk)] == [10, 40] and run(desk, "verify").returncode == 0
+
+
 def test_finished_by_an_older_recorder(desk: Desk) -> None:
     """The file has no table: it plays, and verify reports what it lacks."""
     left_by_a_killed_recorder(desk)
