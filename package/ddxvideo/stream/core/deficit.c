@@ -50,6 +50,21 @@ static void learn_queue(struct deficit *deficit, int64_t now, int64_t trip, int6
     deficit->trip_now = trip;
 }
 
+/* How long a packet may take more than the last one that arrived, before it counts as lost: as much as round trips
+ * differed lately, since a narrow link needs time for each packet, and packets wait for those before them. */
+static int64_t margin_of(struct deficit *deficit, int64_t now, int64_t trip, double loss) {
+    if (!deficit->begun || now - deficit->most_begun >= tuning.margin_period) {
+        deficit->trip_most[1] = deficit->begun ? deficit->trip_most[0] : trip;
+        deficit->trip_most[0] = trip;
+        deficit->most_begun = now;
+    }
+    if (trip > deficit->trip_most[0])
+        deficit->trip_most[0] = trip;
+    int64_t most = deficit->trip_most[0] > deficit->trip_most[1] ? deficit->trip_most[0] : deficit->trip_most[1];
+    int64_t more = most - trip;
+    return tuning.jitter + (loss > tuning.margin_loss && more > tuning.margin_most ? tuning.margin_most : more);
+}
+
 /* `run` packets were lost after the last one that arrived. When packets arrive again, the run before it is over. */
 static void learn_run(struct deficit *deficit, unsigned run) {
     if (run < deficit->run)
@@ -150,7 +165,8 @@ int deficit_report(struct deficit *deficit, const struct history *media, const s
     int64_t trip = now - arrival - report->age;
     if (trip < 0)
         return -EBADMSG;
-    int64_t covered = arrival + (report->age > tuning.jitter ? report->age - tuning.jitter : 0);
+    int64_t margin = margin_of(deficit, now, trip, report->loss / 256.0);
+    int64_t covered = arrival + (report->age > margin ? report->age - margin : 0);
     if (deficit->begun && covered < deficit->covered)
         return -ESTALE;
     learn_queue(deficit, now, trip, now - report->age,

@@ -64,7 +64,10 @@ static const struct {
     unsigned step_packets;    /* media packets, after which one more repair packet goes */
 
     /* ---- Missing packets ---- */
-    int64_t jitter; /* that does not count as a loss */
+    int64_t jitter;        /* that does not count as a loss, */
+    int64_t margin_period; /* in which the longest round trip is looked for: later packets are late, not lost */
+    double margin_loss;    /* above which packets are given less time: */
+    int64_t margin_most;
     int64_t late;   /* since the oldest missing frame was handed over */
     int64_t very_late;
     double late_sure;          /* standard deviations that are added for frames that are late, */
@@ -129,6 +132,9 @@ static const struct {
     .repair_size_ratio = 1.1,
     .step_packets = 64,
     .jitter = 3 * MS,
+    .margin_period = SECOND,
+    .margin_loss = 0.05,
+    .margin_most = 10 * MS,
     .late = 60 * MS,
     .very_late = 80 * MS,
     .late_sure = 1.0,
