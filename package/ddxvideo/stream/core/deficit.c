@@ -22,6 +22,14 @@ static uint64_t newest_total(const struct history *media, const struct history *
                                                                           : total;
 }
 
+static int64_t least_trip(const struct deficit *deficit) {
+    return deficit->trip_least[0] < deficit->trip_least[1] ? deficit->trip_least[0] : deficit->trip_least[1];
+}
+
+static int64_t longest_trip(const struct deficit *deficit) {
+    return deficit->trip_most[0] > deficit->trip_most[1] ? deficit->trip_most[0] : deficit->trip_most[1];
+}
+
 /* Compares the shortest round trip of a short period with that of the last seconds: the difference is a queue.
  * `arrived`: when the newest packet arrived, `total`: bytes sent with it. */
 static void learn_queue(struct deficit *deficit, int64_t now, int64_t trip, int64_t arrived, uint64_t total) {
@@ -34,9 +42,10 @@ static void learn_queue(struct deficit *deficit, int64_t now, int64_t trip, int6
         deficit->trip_least[0] = trip;
     if (!deficit->begun || trip < deficit->trip_now)
         deficit->trip_now = trip;
-    int64_t least = deficit->trip_least[0] < deficit->trip_least[1] ? deficit->trip_least[0] : deficit->trip_least[1];
+    int64_t least = least_trip(deficit);
     deficit->delay = trip - least;
-    if (deficit->begun && now - deficit->queue_begun < tuning.queue_period)
+    if (deficit->begun && now - deficit->queue_begun <
+                              (deficit->delay > tuning.queue_late ? tuning.queue_period_late : tuning.queue_period))
         return;
     bool full = deficit->queue > tuning.queue;
     deficit->queue = deficit->trip_now - least;
@@ -60,9 +69,17 @@ static int64_t margin_of(struct deficit *deficit, int64_t now, int64_t trip, dou
     }
     if (trip > deficit->trip_most[0])
         deficit->trip_most[0] = trip;
-    int64_t most = deficit->trip_most[0] > deficit->trip_most[1] ? deficit->trip_most[0] : deficit->trip_most[1];
-    int64_t more = most - trip;
+    int64_t more = longest_trip(deficit) - trip;
     return tuning.jitter + (loss > tuning.margin_loss && more > tuning.margin_most ? tuning.margin_most : more);
+}
+
+/* Whether the oldest packet of which the receiver does not know yet waits before the link. Where packets are lost, it
+ * was lost more likely. */
+static bool is_held(const struct deficit *deficit, const struct history *media, int64_t now) {
+    int64_t usual = least_trip(deficit) + tuning.link_full, longest = longest_trip(deficit);
+
+    return deficit->loss <= tuning.margin_loss && history_has(media, deficit->highest + 1) &&
+           now - history_sent(media, deficit->highest + 1) > (longest > usual ? longest : usual);
 }
 
 /* `run` packets were lost after the last one that arrived. When packets arrive again, the run before it is over. */
@@ -183,6 +200,7 @@ int deficit_report(struct deficit *deficit, const struct history *media, const s
     deficit->loss = report->loss / 256.0;
     if (report->has_repair && history_written(repairs, repair) == HISTORY_PROBE)
         deficit->probed = 0;
+    deficit->held = is_held(deficit, media, now);
     decide_repair(deficit, media, repairs, now);
     return 0;
 }

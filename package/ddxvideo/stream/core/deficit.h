@@ -43,7 +43,8 @@ struct deficit {
     double link;  /* bit/s that arrived in the last short period, if packets waited all the time; else 0 */
     int64_t trip; /* ns, smoothed round trip time */
     int64_t trip_most[2], most_begun; /* the longest round trips of this second and of the last one */
-    int64_t heard;                    /* time of the last report */
+    bool held; /* at the last report a packet was later than all of them, though the link loses nothing: it is full */
+    int64_t heard;                  /* time of the last report */
     uint32_t base, highest, repair; /* of the last report, extended; `repair`: the newest repair packet that arrived */
     unsigned missing;
     double loss;  /* 0 to 1, as reported */

@@ -17,9 +17,9 @@ void stream_tx_init(struct stream_tx *tx, const struct stream_tx_settings *setti
     tx->refreshed = now - SECOND;
     tx->whole = now - tuning.whole_every;
     tx->patience = tuning.skip_frames_most;
-    tx->wire = settings->wire - settings->wire / 200;
+    tx->link.wire = settings->wire - settings->wire / 200;
     tx->sequence = settings->media_sequence;
-    budget_init(&tx->budget, tx->wire, tuning.bucket, tuning.fill_first, now);
+    budget_init(&tx->budget, tx->link.wire, tuning.bucket, tuning.fill_first, now);
     feedback_init(&tx->feedback, settings->media_ssrc, settings->wire, now);
     repair_window_init(&tx->window, settings->media_ssrc, settings->repair_ssrc, settings->repair_sequence);
 }
@@ -102,49 +102,12 @@ bool stream_tx_frame(struct stream_tx *tx, int64_t now, struct rtp_packet packet
     return true;
 }
 
-/* Sets the rate at which the bucket fills. While it is lower than -wire, the bucket holds less: its bytes would only
- * wait in the link's queue. */
-static void set_rate(struct stream_tx *tx, double rate) {
-    double most = (double)tx->wire, least = fmax(tuning.link_least_bits, most * tuning.link_least_share);
-    int64_t packet = (int64_t)(2 * RTP_PACKET_MAX * 8 * (double)SECOND / rate);
-
-    rate = rate > most ? most : rate < least ? least : rate;
-    tx->budget.rate = (int64_t)rate;
-    tx->budget.depth = rate >= most ? tuning.bucket : packet > tuning.link_bucket ? packet : tuning.link_bucket;
-    if (tx->budget.depth > tuning.bucket)
-        tx->budget.depth = tuning.bucket;
-}
-
-/*
- * The rate follows the link. If packets wait in a queue before the link, the link is full, and what arrives is its
- * rate: the rate is set a little lower, so that the queue drains. Without a queue the rate rises again, more slowly
- * where the link was full before.
- */
-static void follow_link(struct stream_tx *tx, int64_t now) {
-    const struct deficit *nearest = feedback_nearest(&tx->feedback, now);
-    double rate = (double)tx->budget.rate;
-
-    if (!nearest || now - tx->followed < tuning.link_step)
-        return;
-    if (nearest->link > 0) {
-        tx->link = nearest->link;
-        tx->followed = now;
-        if (rate > tuning.link_drain * tx->link)
-            set_rate(tx, fmax(tuning.link_drain * tx->link, tuning.link_fall * rate));
-    } else if (nearest->queue < tuning.queue / 2 && tx->budget.rate < tx->wire) {
-        bool near = rate > tuning.link_near_least * tx->link && rate < tuning.link_near_most * tx->link;
-
-        tx->followed = now;
-        set_rate(tx, rate * (near ? tuning.link_rise_slowly : tuning.link_rise));
-    }
-}
-
 void stream_tx_report(struct stream_tx *tx, int64_t now, const uint8_t *data, size_t size, uint64_t address) {
     uint64_t used = tx->feedback.count[FEEDBACK_USED];
 
     tx->refresh |= feedback_report(&tx->feedback, now, data, size, address);
     if (tx->feedback.count[FEEDBACK_USED] != used)
-        follow_link(tx, now);
+        link_rate_follow(&tx->link, &tx->budget, feedback_nearest(&tx->feedback, now), now);
 }
 
 bool stream_tx_wants_refresh(struct stream_tx *tx, int64_t now, size_t *whole) {
@@ -399,12 +362,8 @@ static bool is_behind(struct stream_tx *tx, int64_t now) {
 }
 
 /* Whether packets wait before the link, so that another frame would be late. */
-static bool is_link_full(const struct stream_tx *tx, int64_t now) {
-    const struct deficit *nearest = feedback_nearest(&tx->feedback, now);
-    const struct history *sent = &tx->feedback.sent;
-
-    return nearest && (nearest->queue > tuning.link_full ||
-                       (nearest->delay > tuning.link_full_now && history_sent(sent, sent->newest) > nearest->arrival));
+static bool is_link_full(struct stream_tx *tx, int64_t now) {
+    return link_rate_is_full(&tx->link, feedback_nearest(&tx->feedback, now), &tx->feedback.sent, now);
 }
 
 /*
@@ -472,7 +431,7 @@ size_t stream_tx_allowance(struct stream_tx *tx, int64_t now) {
     double least = wire * part / (1 + settings->others);
     if (silence < tuning.stopped && bytes < least)
         bytes = least;
-    if (is_link_full(tx, now) && bytes > wire * tuning.link_full_share)
+    if (link_rate_was_full(&tx->link, now) && bytes > wire * tuning.link_full_share)
         bytes = wire * tuning.link_full_share;
     if (bytes > video)
         bytes = video;

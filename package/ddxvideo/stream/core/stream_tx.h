@@ -22,6 +22,7 @@
 
 #include "feedback.h"
 #include "h264.h"
+#include "link_rate.h"
 #include "mpeg4.h"
 #include "repair.h"
 
@@ -65,10 +66,8 @@ struct stream_tx_packet {
 struct stream_tx {
     struct stream_tx_settings settings; /* `video` and `interval` may be changed at any time */
     uint64_t count[STREAM_TX_COUNTS];
-    struct budget budget; /* its rate is at most: */
-    int64_t wire;         /* bit/s, a little less than settings.wire */
-    double link;          /* bit/s of the link when it was full, 0: never */
-    int64_t followed;     /* time of the last change of the rate */
+    struct budget budget;
+    struct link_rate link; /* at most a little less than settings.wire */
     struct feedback feedback;
     uint16_t sequence; /* of the next media packet */
     struct mpeg4_packer mpeg4;

@@ -24,13 +24,16 @@ static const struct {
     double shares_kept;  /* of the bytes sent before, in the shares of media and repair, each frame */
 
     /* ---- The link's rate ---- */
-    int64_t link_full;      /* that packets wait before the link, above which frames are left out */
-    int64_t link_full_now;  /* the same, of the last packet that arrived, while others are on their way */
-    double link_full_share; /* of the rate that a frame has then, if it is not left out */
-    int64_t link_step;      /* from one change of the rate to the next */
-    int64_t link_bucket;    /* what the bucket holds while the link is slower than -wire */
-    double link_drain;      /* of the link's rate, while there is a queue */
-    double link_fall;       /* of the rate, at least, in one step: less than the link's rate may have arrived */
+    int64_t link_full;       /* that packets wait before the link, above which frames are left out */
+    int64_t link_full_now;   /* the same, of the last packet that arrived, while others are on their way */
+    double link_full_share;  /* of the rate that a frame has then, if it is not left out, */
+    int64_t link_full_after; /* and so long after it */
+    int64_t link_held_most;  /* for which packets that stay away count as a full link, */
+    int64_t link_held_apart; /* and without them, after which they count again */
+    int64_t link_step;       /* from one change of the rate to the next */
+    int64_t link_bucket;     /* what the bucket holds while the link is slower than -wire */
+    double link_drain;       /* of the link's rate, while there is a queue */
+    double link_fall;        /* of the rate, at least, in one step: less than the link's rate may have arrived */
     double link_rise, link_rise_slowly;     /* ratio of one step */
     double link_near_least, link_near_most; /* of the link's rate when it was full: there it rises slowly */
     double link_least_bits;                 /* bit/s */
@@ -68,16 +71,18 @@ static const struct {
     int64_t margin_period; /* in which the longest round trip is looked for: later packets are late, not lost */
     double margin_loss;    /* above which packets are given less time: */
     int64_t margin_most;
-    int64_t late;   /* since the oldest missing frame was handed over */
+    int64_t late; /* since the oldest missing frame was handed over */
     int64_t very_late;
-    double late_sure;          /* standard deviations that are added for frames that are late, */
-    double very_late_sure;     /* and very late */
-    unsigned many_packets;     /* from this number of missing ones on, some are lost again */
-    double loss_most;          /* a higher loss counts as this */
-    int64_t short_trip;        /* there and back */
-    int64_t trip_period;       /* in which the shortest round trip is looked for */
-    int64_t queue;             /* that packets wait before the link, above which it is full */
-    int64_t queue_period;      /* at most two frames */
+    double late_sure;      /* standard deviations that are added for frames that are late, */
+    double very_late_sure; /* and very late */
+    unsigned many_packets; /* from this number of missing ones on, some are lost again */
+    double loss_most;      /* a higher loss counts as this */
+    int64_t short_trip;    /* there and back */
+    int64_t trip_period;   /* in which the shortest round trip is looked for */
+    int64_t queue;         /* that packets wait before the link, above which it is full */
+    int64_t queue_period;  /* at most two frames */
+    int64_t queue_late;    /* the last packet's delay, above which a shorter period is enough: */
+    int64_t queue_period_late;
     double in_runs_packets;    /* mean length of runs; above it, losses certainly come in runs */
     unsigned run_packets_most; /* a longer run is an outage, which ends by itself */
     unsigned quiet_packets;    /* lost in sequence, after which nothing seems to get through */
@@ -98,6 +103,9 @@ static const struct {
     .link_full = 50 * MS,
     .link_full_now = 65 * MS,
     .link_full_share = 0.25,
+    .link_full_after = 150 * MS,
+    .link_held_most = 300 * MS,
+    .link_held_apart = SECOND,
     .link_step = 100 * MS,
     .link_bucket = 80 * MS,
     .link_drain = 0.85,
@@ -145,6 +153,8 @@ static const struct {
     .trip_period = 5 * SECOND,
     .queue = 20 * MS,
     .queue_period = 80 * MS,
+    .queue_late = 30 * MS,
+    .queue_period_late = 40 * MS,
     .in_runs_packets = 2.0,
     .run_packets_most = 16,
     .quiet_packets = 8,

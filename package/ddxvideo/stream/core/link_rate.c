@@ -1,0 +1,65 @@
+/* SPDX-License-Identifier: GPL-2.0-or-later */
+#include "link_rate.h"
+
+#include <math.h>
+
+#include "rtp.h"
+#include "tuning.h"
+
+/* Sets the rate at which the bucket fills. While it is lower than -wire, the bucket holds less: its bytes would only
+ * wait in the link's queue. */
+static void set_rate(const struct link_rate *link, struct budget *budget, double rate) {
+    double most = (double)link->wire, least = fmax(tuning.link_least_bits, most * tuning.link_least_share);
+    int64_t packet = (int64_t)(2 * RTP_PACKET_MAX * 8 * (double)SECOND / rate);
+
+    rate = rate > most ? most : rate < least ? least : rate;
+    budget->rate = (int64_t)rate;
+    budget->depth = rate >= most ? tuning.bucket : packet > tuning.link_bucket ? packet : tuning.link_bucket;
+    if (budget->depth > tuning.bucket)
+        budget->depth = tuning.bucket;
+}
+
+/* A little less than what arrives, so that the queue drains. Without a queue the rate rises again, more slowly where the
+ * link was full before. */
+void link_rate_follow(struct link_rate *link, struct budget *budget, const struct deficit *nearest, int64_t now) {
+    double rate = (double)budget->rate;
+
+    if (!nearest || now - link->followed < tuning.link_step)
+        return;
+    if (nearest->link > 0) {
+        link->link = nearest->link;
+        link->followed = now;
+        if (rate > tuning.link_drain * link->link)
+            set_rate(link, budget, fmax(tuning.link_drain * link->link, tuning.link_fall * rate));
+    } else if (nearest->queue < tuning.queue / 2 && budget->rate < link->wire) {
+        bool near = rate > tuning.link_near_least * link->link && rate < tuning.link_near_most * link->link;
+
+        link->followed = now;
+        set_rate(link, budget, rate * (near ? tuning.link_rise_slowly : tuning.link_rise));
+    }
+}
+
+/* Whether packets stay away. That can be forged, so it counts until the rate must have followed, and not for ever. */
+static bool stay_away(struct link_rate *link, const struct deficit *nearest, int64_t now) {
+    if (!nearest->held)
+        return false;
+    if (now - link->held_last > tuning.link_held_apart)
+        link->held_first = now;
+    link->held_last = now;
+    return now - link->held_first <= tuning.link_held_most;
+}
+
+bool link_rate_is_full(struct link_rate *link, const struct deficit *nearest, const struct history *sent, int64_t now) {
+    bool full =
+        nearest && (stay_away(link, nearest, now) || nearest->queue > tuning.link_full ||
+                    (nearest->delay > tuning.link_full_now && history_sent(sent, sent->newest) > nearest->arrival));
+
+    link->was_full |= full;
+    if (full)
+        link->full = now;
+    return full;
+}
+
+bool link_rate_was_full(const struct link_rate *link, int64_t now) {
+    return link->was_full && now - link->full < tuning.link_full_after;
+}
