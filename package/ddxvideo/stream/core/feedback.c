@@ -2,6 +2,7 @@
 #include "feedback.h"
 
 #include <errno.h>
+#include <math.h>
 
 #include "tuning.h"
 
@@ -168,6 +169,38 @@ static enum feedback_count use_report(struct feedback *feedback, int64_t now, co
     return outcome_of(error);
 }
 
+static struct budget *claims_of(struct feedback_reporter *reporter) {
+    return reporter->deficit.loss > FEEDBACK_HOPELESS ? &reporter->hopeless : &reporter->claims;
+}
+
+static bool is_repairable(const struct feedback_reporter *reporter, int64_t now) {
+    return is_active(reporter, now) && reporter->deficit.loss <= FEEDBACK_HOPELESS;
+}
+
+double feedback_least_loss(const struct feedback *feedback, int64_t now) {
+    double least = 1;
+
+    for (unsigned i = 0; i < FEEDBACK_REPORTERS; i++)
+        if (is_repairable(&feedback->reporter[i], now))
+            least = fmin(least, feedback->reporter[i].deficit.loss);
+    return least < 1 ? least : 0;
+}
+
+static double rate_of_claims(struct budget *claims, int64_t now) {
+    double spare = (double)budget_tokens(claims, now) - tuning.repair_kept * (double)budget_size(claims);
+
+    return (double)claims->rate + spare * 8 * (double)SECOND / (double)tuning.repair_kept_after;
+}
+
+double feedback_repair_rate(struct feedback *feedback, int64_t now) {
+    double least = INFINITY;
+
+    for (unsigned i = 0; i < FEEDBACK_REPORTERS; i++)
+        if (is_repairable(&feedback->reporter[i], now))
+            least = fmin(least, rate_of_claims(&feedback->reporter[i].claims, now));
+    return isinf(least) ? least : fmin(least, rate_of_claims(&feedback->claims, now));
+}
+
 static double worst_loss(const struct feedback *feedback, int64_t now) {
     double worst = 0;
 
@@ -255,10 +288,6 @@ bool feedback_report(struct feedback *feedback, int64_t now, const uint8_t *data
 }
 
 /* ---- Wanted repair packets ---- */
-
-static struct budget *claims_of(struct feedback_reporter *reporter) {
-    return reporter->deficit.loss > FEEDBACK_HOPELESS ? &reporter->hopeless : &reporter->claims;
-}
 
 /*
  * Whether it may cause another repair packet. While a part of the rate is left over, only its own claims count: without

@@ -21,7 +21,7 @@
 #define FEEDBACK_GONE INT64_C(1000000000)  /* ns without a report after which a reporter is forgotten */
 #define FEEDBACK_CALM INT64_C(10000000000) /* ns without a loss after which a reporter counts as free of losses */
 #define FEEDBACK_KEPT INT64_C(60000000000) /* ns for which a lossy reporter that fell silent is remembered */
-#define FEEDBACK_HOPELESS 0.6              /* loss above which a reporter gets less */
+#define FEEDBACK_HOPELESS 0.75             /* loss above which a reporter gets less */
 
 /* RECEIVED is the sum of the others. */
 enum feedback_count {
@@ -75,6 +75,14 @@ unsigned feedback_wanted(struct feedback *feedback, int64_t now, uint32_t *first
 
 /* The loss of the worst receiver that reports, 0 to 1, and the longest mean of lost packets in sequence; 0: none. */
 void feedback_losses(const struct feedback *feedback, int64_t now, double *loss, double *run);
+
+/* The lowest loss of the receivers that report and do not lose almost everything; 0: there is none. A forged reporter
+ * that claims no loss, or nearly nothing else, does not raise it. */
+double feedback_least_loss(const struct feedback *feedback, int64_t now);
+
+/* bit/s of repair that each of these receivers may cause if half of its bytes for repair are to be left in four
+ * seconds; INFINITY: there is none. */
+double feedback_repair_rate(struct feedback *feedback, int64_t now);
 
 /* The receiver that reports the shortest queue before the link; NULL if none reports. */
 const struct deficit *feedback_nearest(const struct feedback *feedback, int64_t now);

@@ -19,8 +19,8 @@ static void set_rate(const struct link_rate *link, struct budget *budget, double
         budget->depth = tuning.bucket;
 }
 
-/* A little less than what arrives, so that the queue drains. Without a queue the rate rises again, more slowly where the
- * link was full before. */
+/* A little less than what arrives, so that the queue drains. Without a queue the rate rises again, more slowly where
+ * the link was full before. */
 void link_rate_follow(struct link_rate *link, struct budget *budget, const struct deficit *nearest, int64_t now) {
     double rate = (double)budget->rate;
 

@@ -16,6 +16,7 @@ void stream_tx_init(struct stream_tx *tx, const struct stream_tx_settings *setti
     tx->next = now;
     tx->refreshed = now - SECOND;
     tx->whole = now - tuning.whole_every;
+    frame_rate_init(&tx->frames, now);
     tx->patience = tuning.skip_frames_most;
     tx->link.wire = settings->wire - settings->wire / 200;
     tx->sequence = settings->media_sequence;
@@ -351,7 +352,7 @@ static double part_beside(const struct stream_tx *tx, int64_t now) {
  * frame would be late. A packet that waits although it is due now does not count: the sending thread of a busy machine
  * comes late, and then sends at once. */
 static bool is_behind(struct stream_tx *tx, int64_t now) {
-    int64_t late = tx->settings.interval / 2;
+    int64_t late = tx->settings.interval * tx->frames.every / 2;
     uint32_t first;
     bool in_advance;
 
@@ -411,26 +412,63 @@ static double spare_bytes(struct stream_tx *tx, int64_t now, bool one_way) {
            (tuning.fill_frames + runs * (tuning.fill_frames_in_runs - tuning.fill_frames));
 }
 
+/* Bytes of a frame with its headers if `bytes` are for it and its repair. A frame whose repair the receivers may not
+ * cause (feedback.h) would be of no use, and those after it neither. */
+static double repairable_bytes(struct stream_tx *tx, int64_t now, double bytes, unsigned frames) {
+    double repair = past_part(tx, tx->repair_share, 0), rate = feedback_repair_rate(&tx->feedback, now);
+    double most = rate * (double)tx->settings.interval / (8.0 * SECOND) * frames;
+
+    bytes /= 1 + part_beside(tx, now);
+    return repair > 0 && bytes * repair > most ? most / repair : bytes;
+}
+
+/* Whether the frame is left out because only each second or third one can be sent and repaired. A fair frame has
+ * headers, too, of which each frame that is left out saves a set. */
+static bool is_thinned(struct stream_tx *tx, int64_t now, double wire) {
+    double header = RTP_HEADER_MAX + (double)tx->settings.header;
+    double fair = fmax(tuning.rate_fair_bytes, tuning.rate_fair_share * wire) + header;
+    int64_t silence = feedback_silence(&tx->feedback, now);
+
+    if (!tx->settings.repair || silence >= FEEDBACK_GONE)
+        frame_rate_reset(&tx->frames, now);
+    else if (silence < tuning.stopped)
+        frame_rate_learn(&tx->frames, now, repairable_bytes(tx, now, wire, 1), fair,
+                         feedback_least_loss(&tx->feedback, now));
+    bool yes = frame_rate_leaves_out(&tx->frames);
+    tx->skipped += yes;
+    return yes;
+}
+
+/* Bytes that a frame has at most so that it can be repaired, if a receiver is alone and loses much; else a smaller
+ * frame would not help it. `bytes`: for the frame and its repair. */
+static double most_bytes(struct stream_tx *tx, int64_t now, double wire, double bytes) {
+    if (!feedback_single(&tx->feedback, now) || feedback_least_loss(&tx->feedback, now) <= tuning.rate_loss)
+        return INFINITY;
+    return fmax(repairable_bytes(tx, now, bytes, tx->frames.every) - RTP_HEADER_MAX - (double)tx->settings.header,
+                wire * tx->frames.every * tuning.frame_least_share / (1 + tx->settings.others));
+}
+
 size_t stream_tx_allowance(struct stream_tx *tx, int64_t now) {
     const struct stream_tx_settings *settings = &tx->settings;
     int64_t silence = feedback_silence(&tx->feedback, now);
     double frame = (double)settings->interval / (8.0 * SECOND); /* bytes of a frame at 1 bit/s */
     double wire = (double)tx->budget.rate * frame;
-    double video = settings->video ? (double)settings->video * frame : wire * STREAM_TX_VIDEO;
     double spare = spare_bytes(tx, now, silence >= FEEDBACK_GONE);
 
-    if (is_behind(tx, now) || leaves_out(tx, now))
+    if (is_thinned(tx, now, wire) || is_behind(tx, now) || leaves_out(tx, now))
         return 0;
+    frame_rate_sends(&tx->frames);
+    double every = tx->frames.every;
+    double video = settings->video ? (double)settings->video * frame : wire * STREAM_TX_VIDEO;
     if (silence >= tuning.stopped && silence < FEEDBACK_GONE) {
         wire *= tuning.stopped_rate;
         spare = spare > 0 ? 0 : spare;
     }
-    double bytes = (wire + spare) / (1 + part_beside(tx, now));
-    bytes -= RTP_HEADER_MAX + (double)settings->header;
+    double bytes = (wire * every + spare) / (1 + part_beside(tx, now)) - RTP_HEADER_MAX - (double)settings->header;
     double part = feedback_single(&tx->feedback, now) ? tuning.frame_least_share_alone : tuning.frame_least_share;
-    double least = wire * part / (1 + settings->others);
-    if (silence < tuning.stopped && bytes < least)
-        bytes = least;
+    double most = most_bytes(tx, now, wire, wire * every + spare);
+    if (silence < tuning.stopped)
+        bytes = fmin(fmax(bytes, wire * part / (1 + settings->others)), most);
     if (link_rate_was_full(&tx->link, now) && bytes > wire * tuning.link_full_share)
         bytes = wire * tuning.link_full_share;
     if (bytes > video)

@@ -21,6 +21,7 @@
 #define DDXVIDEO_STREAM_TX_H
 
 #include "feedback.h"
+#include "frame_rate.h"
 #include "h264.h"
 #include "link_rate.h"
 #include "mpeg4.h"
@@ -82,6 +83,7 @@ struct stream_tx {
     double media_share, repair_share, other_share; /* bytes sent; older ones count less */
     unsigned skipped; /* frames that were left out in sequence, for repair or in an outage, */
     double patience;  /* and those that still may be */
+    struct frame_rate frames;
     bool refresh;
     int64_t refreshed, whole; /* times of the last renewal, and of the last whole picture */
     struct repair_window window;

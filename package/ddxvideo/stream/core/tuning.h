@@ -48,9 +48,21 @@ static const struct {
     unsigned outage_packets;    /* lost in sequence, after which most frames are left out */
     unsigned frame_least_bytes; /* less is not worth its headers */
     double frame_least_share;   /* of the rate that frames get, however much repair is wanted: else pictures are bad */
-    double frame_least_share_alone; /* the same for a single receiver */
+    double frame_least_share_alone; /* the same for a single receiver, while its repair can be paid */
     int64_t packet_gap;             /* between packets, at most */
     unsigned burst_packets;         /* of a frame that go at once: few frames are larger, and 3.6 kB fit each queue */
+
+    /* ---- The number of frames ---- */
+    unsigned rate_every_most; /* each frame of this number is sent, at least */
+    double rate_fair_share;   /* of the rate that a frame takes at least, else fewer frames are sent */
+    unsigned rate_fair_bytes; /* the same, in bytes: of less than this, headers take half and more */
+    double rate_loss;         /* below it the number of frames is not reduced */
+    double rate_frames;       /* in which the mean is learnt */
+    double rate_rise;         /* of the fair size, above which more frames are sent */
+    int64_t rate_lower_after; /* from one change to the next */
+    int64_t rate_raise_after;
+    double repair_kept;        /* of a receiver's bytes for repair, that frames leave */
+    int64_t repair_kept_after; /* in which this is reached again */
 
     /* ---- Repair in advance ---- */
     int64_t stopped;          /* without reports: they have just stopped */
@@ -127,6 +139,16 @@ static const struct {
     .frame_least_share_alone = 0.45,
     .packet_gap = MS,
     .burst_packets = 3,
+    .rate_every_most = 3,
+    .rate_fair_share = 0.28,
+    .rate_fair_bytes = 130,
+    .rate_loss = 0.2,
+    .rate_frames = 25,
+    .rate_rise = 1.3,
+    .rate_lower_after = SECOND,
+    .rate_raise_after = 3 * SECOND,
+    .repair_kept = 0.5,
+    .repair_kept_after = 4 * SECOND,
     .stopped = 200 * MS,
     .silent = 300 * MS,
     .stopped_rate = 0.5,
