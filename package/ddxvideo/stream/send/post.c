@@ -87,7 +87,7 @@ static void wait_for_work(struct post *post, int64_t until) {
     int64_t wait = until - ddx_time_now();
     eventfd_t value;
 
-    wait = wait < 0 ? 0 : wait > IDLE_NS ? IDLE_NS : wait;
+    wait = wait < 0 ? 0 : wait;
     for (int i = 0; i < OUTLET_SOCKETS; i++)
         wanted[1 + i] = (struct pollfd){.fd = post->outlet->fd[i], .events = POLLIN};
     ppoll(wanted, 1 + OUTLET_SOCKETS, &(struct timespec){.tv_nsec = (long)wait}, NULL);
@@ -104,7 +104,8 @@ static void *run_thread(void *data) {
         pthread_mutex_lock(&post->lock);
         read_reports(post);
         send_due(post);
-        int64_t until = stream_tx_deadline(&post->tx, ddx_time_now());
+        int64_t now = ddx_time_now(), until = stream_tx_deadline(&post->tx, now);
+        post->until = until = until < now + IDLE_NS ? until : now + IDLE_NS;
         stopping = post->stopping;
         pthread_mutex_unlock(&post->lock);
         if (!stopping)
@@ -163,8 +164,10 @@ bool post_frame(struct post *post, int64_t written, const struct rtp_packet *pac
         post->written[(post->first + post->open++) % POST_FRAMES] = written;
         send_due(post);
     }
+    bool rest = stream_tx_deadline(&post->tx, ddx_time_now()) < post->until;
     pthread_mutex_unlock(&post->lock);
-    wake_thread(post);
+    if (rest) /* of most frames, all packets have gone: the thread has nothing to do */
+        wake_thread(post);
     return taken;
 }
 

@@ -26,7 +26,8 @@ struct post {
     struct secure *secure; /* NULL: not encrypted */
     pthread_t thread;
     pthread_mutex_t lock; /* of all below */
-    int wake;             /* eventfd: a frame or packet was handed over */
+    int wake;             /* eventfd: a packet is due earlier than `until` */
+    int64_t until;        /* when the thread wakes up, unless a report comes */
     bool running, stopping;
     struct stream_tx tx;
     unsigned missed;      /* receivers that lack a packet of the frame that is being sent */
