@@ -5,11 +5,11 @@ import json
 import pathlib
 import time
 
-from bench.browser import PROGRAM, Browser
 from bench.clips import HEIGHT, WIDTH
 from bench.loss_peers import Peer, Shown
 from parts.common import wait_until
 from parts.link.link import Link, Node
+from parts.media.browser import PROGRAM, Browser
 from parts.media.clip import frame_number
 
 PAGE = pathlib.Path(__file__).with_name("chromium.html")

@@ -1,6 +1,6 @@
 # SPDX-License-Identifier: GPL-2.0-or-later
-"""A headless Chromium with one page, in which expressions are evaluated through the debugging pipe. The last line of
-the page's script defines `ready`."""
+"""A headless Chromium with one page, in which expressions are evaluated through the debugging pipe."""
+import base64
 import json
 import os
 import pathlib
@@ -34,9 +34,26 @@ class Browser:
         self.count, self.session, self.rest = 0, "", b""
 
     def open(self, page: pathlib.Path) -> None:
-        target = self._order("Target.createTarget", url=page.as_uri())["targetId"]
-        self.session = self._order("Target.attachToTarget", targetId=target, flatten=True)["sessionId"]
+        """Open a file; the last line of its script defines `ready`."""
+        self.visit(page.as_uri())
         wait_until(lambda: bool(self.value("typeof ready === 'boolean'")), f"{PROGRAM} does not open {page.name}")
+
+    def visit(self, address: str) -> None:
+        """Begin to load an address, in the page that is open already or in a first one."""
+        if self.session:
+            self._order("Page.navigate", url=address)
+            return
+        target = self._order("Target.createTarget", url=address)["targetId"]
+        self.session = self._order("Target.attachToTarget", targetId=target, flatten=True)["sessionId"]
+
+    def screen(self, width: int, height: int, scheme: str = "light") -> None:
+        """The screen of a phone with that many pixels; `scheme`: light or dark."""
+        self._order("Emulation.setDeviceMetricsOverride", width=width, height=height, deviceScaleFactor=1, mobile=True)
+        self._order("Emulation.setEmulatedMedia", features=[{"name": "prefers-color-scheme", "value": scheme}])
+
+    def picture(self, path: pathlib.Path) -> None:
+        """Write what the screen shows, as PNG."""
+        path.write_bytes(base64.b64decode(self._order("Page.captureScreenshot", format="png")["data"]))
 
     def _order(self, method: str, **parameters: object) -> Any:
         assert self.process.stdin
