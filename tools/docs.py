@@ -12,9 +12,10 @@ import time
 from typing import Any
 
 import build
-from parts.common import OUTPUT, TOP, finish, run, say
-from parts.guest import laptop, machine, qemu, session, testdisk
+from parts.common import OUTPUT, TOP, finish, run, say, scratch
+from parts.guest import laptop, machine, panel, qemu, session, testdisk
 from parts.guest.laptop import Laptop
+from parts.guest.native_machine import NativeMachine
 from parts.guest.qemu import Guest
 from parts.image import native, wheels
 
@@ -26,6 +27,7 @@ PICTURES = {"start": "", "health": "ddxctl health", "services": "ddxctl services
 CONSOLE = "crop=min(iw\\,800):min(ih\\,416):0:0"  # the area with text, on a screen of any size
 FILM = "scale=640:-1,split[a][b];[a]palettegen=max_colors=80[p];[b][p]paletteuse=dither=none"  # a small file
 PLAY = "ddxvideoplay"
+PHONE = (360, 640)  # pixels; the least that the panel is made for
 ANSWERS = {"ddxctl reset settings": "settings"}
 COMPLAINS = "ddxctl health"  # may exit with 1, because the machine is busy
 EXAMPLE = re.compile(r"(video-000012)(-\d+T\d+Z\.y4m)?")  # on the page; any present recording takes its place
@@ -64,6 +66,27 @@ def pictures(guest: Guest) -> None:
     time.sleep(3)
     picture(guest, "screen", FILM)
     guest.sh(f"ddxctl disable {PLAY}")
+
+
+def panel_pictures(root: pathlib.Path) -> None:
+    """Take the pictures of docs/panel.md, in Chromium, of a machine in namespaces."""
+    with scratch() as work, NativeMachine(root, work / "machine") as robot:
+        robot.sh("hostname robot1")
+        panel.start(robot)
+        with panel.Visitor(robot, work / "browser", panel.certificate(robot)) as visitor:
+            visitor.open()
+            visitor.sees("document.getElementById('passphrase')")
+            visitor.browser.screen(*PHONE)
+            for name, ready in (("login", "Passphrase"), ("health", "checked now"), ("services", "ddxhealth"),
+                                ("messages", "logged in"), ("report", "Make the report"), ("machine", "Power off")):
+                if name != "login":
+                    visitor.open(f"{panel.ADDRESS}#{name}{'/ddxpanel' if name == 'messages' else ''}")
+                visitor.reads(ready)
+                visitor.browser.picture(TOP / f"docs/pictures/panel-{name}.png")
+                if name == "login":
+                    visitor.logs_in(panel.PASSPHRASE)
+                    visitor.reads("Log out")
+    say("docs: docs/pictures/panel-*.png")
 
 
 def commands() -> list[tuple[str, str]]:
@@ -150,6 +173,7 @@ def main() -> int:
     (TOP / "docs/pictures").mkdir(exist_ok=True)
     dev = build.dev([native.build()])
     image = dev if board == machine.DEV else machine.image(board)
+    panel_pictures(dev.parent / "root")
     users = laptops(OUTPUT / "docs")
     with Guest(image, qemu.acceleration(dev), machine.machines(board)[0],
                **provide(image, OUTPUT / "docs", users)) as guest:

@@ -69,13 +69,15 @@ def test_with_all_services_on_only_declared_ports_are_open(boot: Boot, work: pat
     clip = default_clip.write(work / "ports.y4m", SECONDS)
     send = "enabled=yes\ncodec=mpeg4\ninterface=eth0\n"
     disk = testdisk.make(work / "ports.img", clip, {"ddxvideosend.conf": send, "ddxvideoload.conf": "readers=2\n"})
-    provision = f"network=eth0 {ADDRESS}\nssh_key={KEY}\nservice=ddxdecode on\nservice=ddxcatalog on\n"
+    provision = f"network=eth0 {ADDRESS}\nssh_key={KEY}\nservice=ddxdecode on\nservice=ddxcatalog on\n" \
+                "panel=open-sesame-42\n"
     with boot("ports", provision=provision, test_disk=disk, extra=outsider.card()) as guest:
         session.wait_for_clip(guest, SECONDS * default_clip.RATE)
         guest.wait_until("netstat -tln | grep -q :22")
         runs(guest, "ddxdecode")
         runs(guest, "ddxvideosend")
         guest.wait_until("netstat -uln | grep -q :7411")
+        guest.wait_until("ddxctl logs ddxpanel | grep -q ready")
         found = everywhere(guest, outsider)
         stream = [frame for frame in outsider.came if frame[:3] == b"\x01\x00\x5e" and frame[36:38] == b"\x1f\x40"]
         assert len(stream) > 10  # the sender has sent

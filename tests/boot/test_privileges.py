@@ -20,6 +20,7 @@ REALTIME = {"ddxlog", "ddxvideoV4L", "ddxvideosave"}
 SWITCHED_ON = ("ddxlog", "ddxvideosend", "ddxdecode", "ddxcatalog")
 OWN = {"ddxstore": 901, "ddxstore-worker": 901, "ddxvideosave": 903, "ddxvideoV4L": 904, "ddxvideosend": 905,
        "ddxdecode": 906, "ddxhealth": 907, "svlogd": 908, "ddxlog": 909, "ddxcatalog": 914}
+# The panel's processes: tests/host/test_panel.py.
 # Root's processes in the network, and their capabilities (/usr/include/linux/capability.h). SSH is not listed, since it
 # lets root in.
 ADDRESSES, TIME = 1 << 10 | 1 << 12 | 1 << 13, 1 << 25  # bind to low ports, administer, raw sockets; set the time

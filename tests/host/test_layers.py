@@ -99,8 +99,10 @@ FOLDERS = """
     ddx/include
     ddx/lib ddx/program ddxpanel/common
     ddx/form
-    ddx/ddxctl ddx/store ddxcatalog/wire ddxlog/mcap ddxpanel/root ddxpanel/web ddxvideo/include
-    ddxcatalog/ctl ddxcatalog/network ddxgrow ddxlog/log ddxlog/play ddxservice ddxupdate ddxvideo/common
+    ddx/ddxctl ddx/store ddxcatalog/wire ddxlog/mcap ddxpanel/certificate ddxpanel/root ddxpanel/web
+    ddxvideo/include
+    ddxcatalog/ctl ddxcatalog/network ddxgrow ddxlog/log ddxlog/play ddxpanel ddxservice ddxupdate
+    ddxvideo/common
     ddxvideo/coded ddxvideo/stream/core
     ddxcatalog/catalog ddxlog ddxvideo/draw ddxvideo/grab ddxvideo/save/pool ddxvideo/stream
     ddxcatalog ddxvideo/grab/iidc ddxvideo/grab/v4l ddxvideo/health ddxvideo/load ddxvideo/play ddxvideo/recordings
@@ -194,6 +196,7 @@ def test_the_core_of_the_stream_has_no_sockets_threads_or_clock() -> None:
 # Words that only one folder may use; others use that folder's header.
 PRIVATE = {r"v4l2_|V4L2_|VIDIOC_|videodev2": "package/ddxvideo/grab/v4l",
            r"dc1394_|DC1394_|dc1394/": "package/ddxvideo/grab/iidc",
+           r"mbedtls": "package/ddxpanel/certificate",
            r"\bdds_\w|\bddsi_|DDS_|<dds/": "package/ddxcatalog/network"}
 
 

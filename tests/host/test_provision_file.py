@@ -73,6 +73,29 @@ def test_a_wrong_line_is_reported_and_left_out(defaults: pathlib.Path, line: str
     assert len(wrong) == 1 and wrong[0].startswith(f"ddx.txt, line 2: {shown(line)}: ") and says in wrong[0]
 
 
+@pytest.mark.parametrize("line, phrase", [
+    ("open-sesame-42", "open-sesame-42"), ('"open sesame, please"', "open sesame, please"),
+    ('  "two  spaces, a "" and \\ $(reboot)"  ', 'two  spaces, a " and \\ $(reboot)'), ("x" * 12, "x" * 12),
+    ("x" * 128, "x" * 128)])
+def test_a_passphrase_of_the_panel_is_taken(defaults: pathlib.Path, line: str, phrase: str) -> None:
+    assert read(defaults, f"panel={line}\n") == ([f"panel={phrase}"], [])
+
+
+@pytest.mark.parametrize("line, says", [
+    ("open sesame, please", "quotes are needed"), ('"open sesame', "quotes are needed"), ("short", "this one 5"),
+    ("", "this one 0"), ("x" * 129, "this one 129"), ("\u201copen sesame, please\u201d", "straight quotes"),
+    ("open-sesame-\u00e4", "letters from A to Z"), ("open-sesame\x0142", "invisible")])
+def test_a_wrong_passphrase_of_the_panel_is_not_shown(defaults: pathlib.Path, line: str, says: str) -> None:
+    taken, wrong = read(defaults, f"panel={line}\n")
+    assert taken == [] and len(wrong) == 1
+    assert wrong[0].startswith("ddx.txt, line 1: panel=...: ") and says in wrong[0]
+
+
+def test_the_second_passphrase_of_the_panel_is_refused(defaults: pathlib.Path) -> None:
+    taken, wrong = read(defaults, "panel=open-sesame-42\npanel=open-sesame-43\n")
+    assert taken == ["panel=open-sesame-42"] and "line 1 has set this already" in wrong[0]
+
+
 JOIN = "network=wlan0 dhcp"
 HEX = "0123456789abcdef" * 3 + "0123456789ABCDEF"
 
@@ -131,5 +154,5 @@ def test_the_image_s_example_file_is_valid(defaults: pathlib.Path) -> None:
     lines = [line.removeprefix("# ") for line in (TOP / "board/common/ddx.txt").read_text().splitlines()]
     examples = [line.split("  ")[0] for line in lines if "=" in line.split(" ")[0]]
     taken, wrong = read(defaults, "\n".join(examples))
-    keys = {"hostname", "console", "country", "network", "dns", "ntp", "service", "ssh_key", "wifi"}
+    keys = {"hostname", "console", "country", "network", "dns", "ntp", "panel", "service", "ssh_key", "wifi"}
     assert wrong == [] and {line.split("=")[0] for line in taken} == keys

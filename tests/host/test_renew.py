@@ -19,8 +19,8 @@ BR2_LINUX_KERNEL_CUSTOM_CONFIG_FILE="$(BR2_EXTERNAL_DDXVIDEO_PATH)/../board/comm
 BR2_LINUX_KERNEL_CONFIG_FRAGMENT_FILES="$(BR2_EXTERNAL_DDXVIDEO_PATH)/../board/miniitx/kernel.fragment"
 """
 ALL = ["busybox-reconfigure", "ddx-reconfigure", "ddxcatalog-reconfigure", "ddxgrow-reconfigure",
-       "ddxlog-reconfigure", "ddxservice-reconfigure", "ddxupdate-reconfigure", "ddxvideo-reconfigure",
-       "ffmpeg-reconfigure", "linux-reconfigure"]
+       "ddxlog-reconfigure", "ddxpanel-reconfigure", "ddxservice-reconfigure", "ddxupdate-reconfigure",
+       "ddxvideo-reconfigure", "ffmpeg-reconfigure", "linux-reconfigure"]
 
 
 @pytest.fixture(autouse=True)

@@ -227,6 +227,26 @@ static void test_links(void) {
     CHECK(!link_use(&link, 101, first)); /* the newer one counts */
 }
 
+static void test_a_link_that_was_left_in_a_file(void) {
+    char folder[] = "/tmp/ddx-link-XXXXXX", path[64], text[SECRET_TEXT + 1];
+    struct link link;
+
+    CHECK(mkdtemp(folder));
+    snprintf(path, sizeof path, "%s/link", folder);
+    CHECK(!link_take(path, 100, ""));
+    CHECK(!link_make(&link, 100) && !link_leave(&link, path));
+    strcpy(text, link.text);
+    CHECK(!link_take(path, 100, "0") && !link_take(path, 100 + LINK_SECONDS, text));
+    CHECK(link_take(path, 101, text) && !link_take(path, 101, text));
+    CHECK(!link_make(&link, 100) && !link_leave(&link, path));
+    CHECK(!link_take(path, 100, text)); /* the newer one counts */
+    CHECK(!truncate(path, sizeof link - 1));
+    CHECK(!link_take(path, 100, link.text));
+    CHECK(!unlink(path) && !symlink("/etc/passwd", path) && !link_leave(&link, path));
+    CHECK(link_take(path, 100, link.text)); /* the name was replaced, not followed */
+    CHECK(!rmdir(folder));
+}
+
 int main(void) {
     CHECK(!prctl(PR_SET_CHILD_SUBREAPER, 1));
     test_orders();
@@ -239,5 +259,6 @@ int main(void) {
     test_many_addresses_guess();
     test_comparison();
     test_links();
+    test_a_link_that_was_left_in_a_file();
     return 0;
 }

@@ -2,6 +2,7 @@
 /* The panel's process of root, by what it receives from the web process: any bytes, logins, orders. */
 #include "serve.h"
 #include "check.h"
+#include "link.h"
 #include "message.h"
 
 #include <errno.h>
@@ -18,11 +19,12 @@
 /* Orders whose programs each machine has: the table of the product is in order.c. */
 static const struct order *find(const char *const *words, const char *command[ORDER_WORDS], const char **reason) {
     static const struct order orders[] = {
-        {"say", {"/bin/echo"}, FOREVER, 1 << 20},
-        {"fill", {"/usr/bin/head", "-c", "100000", "/dev/zero"}, FOREVER, 1 << 20},
-        {"wait", {"/bin/sleep", "60"}, FOREVER, 1 << 20},
-        {"late", {"/bin/sleep", "60"}, 1, 1 << 20},
-        {"nothing", {"/no/such/program"}, FOREVER, 1 << 20},
+        {"say", {"/bin/echo"}, FOREVER, 1 << 20, false},
+        {"fill", {"/usr/bin/head", "-c", "100000", "/dev/zero"}, FOREVER, 1 << 20, false},
+        {"wait", {"/bin/sleep", "60"}, FOREVER, 1 << 20, false},
+        {"late", {"/bin/sleep", "60"}, 1, 1 << 20, false},
+        {"change", {"/bin/sh", "-c"}, FOREVER, 1 << 20, true},
+        {"nothing", {"/no/such/program"}, FOREVER, 1 << 20, false},
     };
 
     for (size_t i = 0; i < sizeof orders / sizeof orders[0]; i++) {
@@ -45,6 +47,8 @@ struct root {
     int web, log;
 };
 
+static struct serve serving; /* of the next one, besides what begin() sets */
+
 static struct root begin(const char *passphrase, __typeof__(&find) table) {
     struct root root;
     int ends[2], log[2];
@@ -57,27 +61,36 @@ static struct root begin(const char *passphrase, __typeof__(&find) table) {
         dup2(log[1], STDOUT_FILENO); /* what a failed check leaves behind does not keep the output of this test open */
         close(ends[0]);
         close(log[1]);
-        _exit(serve(&(const struct serve){.web = ends[1], .passphrase = passphrase, .find = table}) != 0);
+        serving.web = ends[1];
+        serving.passphrase = passphrase;
+        serving.find = table;
+        _exit(-serve(&serving));
     }
     close(ends[1]);
     close(log[1]);
     return root;
 }
 
-/* The web process exits; the log of the other one. */
-static const char *end(struct root *root) {
+/* The web process exits; the log of the other one, which exits with this status: 0 or an error. */
+static const char *end_with(struct root *root, int expected) {
     static char text[4096];
     size_t size = 0;
     ssize_t got;
     int status;
 
-    close(root->web);
-    CHECK(waitpid(root->process, &status, 0) == root->process && !status);
+    if (!expected)
+        close(root->web);
+    CHECK(waitpid(root->process, &status, 0) == root->process && WIFEXITED(status));
+    CHECK_EQUAL(WEXITSTATUS(status), expected);
     while ((got = read(root->log, text + size, sizeof text - 1 - size)) > 0)
         size += (size_t)got;
     text[size] = 0;
     close(root->log);
     return text;
+}
+
+static const char *end(struct root *root) {
+    return end_with(root, 0);
 }
 
 static struct message_answer sent(const struct root *root, const struct message_request *request, size_t size,
@@ -184,11 +197,11 @@ static void test_orders(void) {
                               "10.0.0.1, session 7: refused: there is no such order\n"));
 }
 
-/* The socket of one more order, which starts when a former one has ended. */
+/* The socket of one more order, which starts when a former one has ended: within 4 s even on a busy machine. */
 static int begin_to_wait(const struct root *root) {
     int fd = -1;
 
-    for (int tries = 0; tries < 2000 && ORDER(root, "wait", &fd).status != 200; tries++)
+    for (int tries = 0; tries < 400 && ORDER(root, "wait", &fd).status != 200; tries++)
         usleep(10000);
     CHECK(fd >= 0);
     return fd;
@@ -219,6 +232,67 @@ static void test_orders_do_not_wait_for_each_other(void) {
     }
 }
 
+/* Half a change would be worse than a whole one, and a visitor's phone can lose its network at any time. */
+static void test_a_change_goes_on_without_its_visitor(void) {
+    struct root root = begin(PASSPHRASE, find);
+    int fd;
+
+    CHECK_EQUAL(ORDER(&root, "change\0for i in 1 2 3; do sleep 0.1; echo on; done", &fd).status, 200);
+    close(fd);
+    CHECK(strstr(end(&root), "done: exit status 0\n"));
+}
+
+static void test_a_link(void) {
+    char folder[] = "/tmp/ddx-serve-XXXXXX", path[64];
+    struct link link;
+
+    CHECK(mkdtemp(folder) && !link_make(&link, now_ms() / 1000));
+    snprintf(path, sizeof path, "%s/link", folder);
+    CHECK(!link_leave(&link, path));
+    serving.link = path;
+    struct root root = begin(NULL, find);
+    CHECK_EQUAL(log_in(&root, "10.0.0.1", link.text).status, 200);
+    CHECK_EQUAL(log_in(&root, "10.0.0.2", link.text).status, 401); /* it works once */
+    CHECK(!strcmp(end(&root), "10.0.0.1: logged in by a link\n10.0.0.2: wrong passphrase\n"));
+    serving.link = NULL;
+    CHECK(!rmdir(folder));
+}
+
+static void test_a_web_process_that_hangs(void) {
+    struct message_request life = {.kind = MESSAGE_ALIVE, .size = 1, .address = "-"};
+    size_t size = offsetof(struct message_request, text) + 1;
+    struct message_answer answer;
+
+    serving.silence = 1;
+    struct root root = begin(NULL, find);
+    int64_t begun = now_ms();
+    for (int i = 0; i < 4; i++) { /* of a web process that lives for longer than that */
+        if (send(root.web, &life, size, MSG_NOSIGNAL) < 0)
+            CHECK(now_ms() - begun > 1000 * (i + 1)); /* this test was stopped for longer, on a busy machine */
+        usleep(400000);
+    }
+    CHECK(recv(root.web, &answer, sizeof answer, MSG_DONTWAIT) <= 0); /* a sign of life has no answer */
+    end_with(&root, ETIMEDOUT);
+    CHECK(now_ms() - begun > 1000 + 3 * 400);
+    close(root.web);
+    serving.silence = 0;
+}
+
+static void test_a_part_that_exits(void) {
+    int part[2];
+
+    CHECK(!pipe2(part, O_CLOEXEC));
+    serving.part[1] = part[0]; /* readable when it has exited, as the descriptor of a process */
+    struct root root = begin(PASSPHRASE, find);
+    CHECK_EQUAL(log_in(&root, "10.0.0.1", PASSPHRASE).status, 200);
+    CHECK(write(part[1], "", 1) == 1);
+    close(root.web);
+    end_with(&root, ECHILD);
+    close(part[0]);
+    close(part[1]);
+    serving.part[1] = 0;
+}
+
 /* The web process reads what the network sends: whatever it comes to send must do no harm. */
 static void test_what_is_not_a_request(void) {
     struct root root = begin(PASSPHRASE, order_find);
@@ -233,7 +307,7 @@ static void test_what_is_not_a_request(void) {
     CHECK_EQUAL(sent(&root, &request, whole + 6, &fd).status, 400);
     request.size = UINT32_MAX;
     CHECK_EQUAL(sent(&root, &request, sizeof request, &fd).status, 400);
-    request.kind = 2;
+    request.kind = 3;
     request.size = 7;
     CHECK_EQUAL(sent(&root, &request, whole + 7, &fd).status, 400);
     request.kind = MESSAGE_ORDER;
@@ -252,8 +326,12 @@ static void test_what_is_not_a_request(void) {
 
 int main(void) {
     test_login();
+    test_what_is_not_a_request();
     test_orders();
     test_orders_do_not_wait_for_each_other();
-    test_what_is_not_a_request();
+    test_a_change_goes_on_without_its_visitor();
+    test_a_link();
+    test_a_web_process_that_hangs();
+    test_a_part_that_exits();
     return 0;
 }

@@ -7,7 +7,7 @@
 #include <unistd.h>
 
 bool message_is_good(const struct message_request *request, size_t size) {
-    return size >= offsetof(struct message_request, text) && request->kind <= MESSAGE_ORDER && request->size &&
+    return size >= offsetof(struct message_request, text) && request->kind <= MESSAGE_ALIVE && request->size &&
            request->size <= MESSAGE_TEXT && size == offsetof(struct message_request, text) + request->size &&
            !request->text[request->size - 1] && memchr(request->address, 0, sizeof request->address);
 }

@@ -17,7 +17,8 @@
 
 enum message_kind {
     MESSAGE_LOGIN, /* text: the passphrase, with its 0 byte */
-    MESSAGE_ORDER  /* text: the words, each with its 0 byte */
+    MESSAGE_ORDER, /* text: the words, each with its 0 byte */
+    MESSAGE_ALIVE  /* a sign of life of the web process, which has no answer */
 };
 
 struct message_request {
@@ -28,7 +29,7 @@ struct message_request {
     char text[MESSAGE_TEXT];
 };
 
-/* The answer to each request. An accepted order's has a socket with it, from which its output comes. */
+/* The answer to each login and order. An accepted order's has a socket with it, from which its output comes. */
 struct message_answer {
     uint32_t status; /* as of HTTP: 200, 400, 401, 409, 429 */
     uint32_t wait;   /* ms until the next login of this address */

@@ -10,12 +10,17 @@
 #define MIB (1024u * KIB)
 
 static const struct order orders[] = {
-    {"health", {CTL, "health", "--json"}, 60, 64 * KIB}, {"services", {CTL, "services", "--json"}, 30, 64 * KIB},
-    {"logs SERVICE", {CTL, "logs"}, 30, 256 * KIB},      {"report", {CTL, "report"}, 120, 16 * MIB},
-    {"enable SERVICE", {CTL, "enable"}, 60, 64 * KIB},   {"disable SERVICE", {CTL, "disable"}, 60, 64 * KIB},
-    {"start SERVICE", {CTL, "start"}, 60, 64 * KIB},     {"stop SERVICE", {CTL, "stop"}, 60, 64 * KIB},
-    {"restart SERVICE", {CTL, "restart"}, 60, 64 * KIB}, {"machine restart", {"/sbin/reboot"}, 10, 4 * KIB},
-    {"machine off", {"/sbin/poweroff"}, 10, 4 * KIB},
+    {"health", {CTL, "health", "--json"}, 60, 64 * KIB, false},
+    {"services", {CTL, "services", "--json"}, 30, 64 * KIB, false},
+    {"logs SERVICE", {CTL, "logs"}, 30, 256 * KIB, false},
+    {"report", {CTL, "report"}, 120, 16 * MIB, false},
+    {"enable SERVICE", {CTL, "enable"}, 60, 64 * KIB, true},
+    {"disable SERVICE", {CTL, "disable"}, 60, 64 * KIB, true},
+    {"start SERVICE", {CTL, "start"}, 60, 64 * KIB, true},
+    {"stop SERVICE", {CTL, "stop"}, 60, 64 * KIB, true},
+    {"restart SERVICE", {CTL, "restart"}, 60, 64 * KIB, true},
+    {"machine restart", {"/sbin/reboot"}, 10, 4 * KIB, true},
+    {"machine off", {"/sbin/poweroff"}, 10, 4 * KIB, true},
 };
 
 /* NAME or NAME.INSTANCE, of letters, digits, - and _; not an option. */

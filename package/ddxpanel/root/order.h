@@ -6,6 +6,7 @@
 #ifndef DDXPANEL_ORDER_H
 #define DDXPANEL_ORDER_H
 
+#include <stdbool.h>
 #include <stddef.h>
 
 #define ORDER_WORDS 8 /* of a command, with its program */
@@ -15,6 +16,7 @@ struct order {
     const char *command[ORDER_WORDS]; /* the path of the program, and its words before the visitor's */
     unsigned seconds;                 /* then it is killed */
     size_t output;                    /* bytes; with more it is killed */
+    bool whole;                       /* goes on without its visitor: half a change would be worse than a whole one */
 };
 
 /*

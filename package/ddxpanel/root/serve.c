@@ -2,6 +2,7 @@
 #include "serve.h"
 
 #include <errno.h>
+#include <poll.h>
 #include <stdarg.h>
 #include <stdio.h>
 #include <string.h>
@@ -12,6 +13,7 @@
 
 #include "clock.h"
 #include "guess.h"
+#include "link.h"
 #include "message.h"
 #include "run.h"
 #include "secret.h"
@@ -54,9 +56,10 @@ static struct message_answer log_in(const struct serve *serve, const struct mess
     int64_t wait = guess_wait(guesses, &address, clock_ms());
     if (wait)
         return (struct message_answer){.status = 429, .wait = (uint32_t)wait};
-    if (serve->passphrase && secret_is(serve->passphrase, request->text)) {
+    bool knows = serve->passphrase && secret_is(serve->passphrase, request->text);
+    if (knows || (serve->link && link_take(serve->link, clock_ms() / 1000, request->text))) {
         guess_was_right(guesses, &address);
-        say("%s: logged in", request->address);
+        say("%s: logged in%s", request->address, knows ? "" : " by a link");
         return (struct message_answer){.status = 200};
     }
     guess_was_wrong(guesses, &address, clock_ms());
@@ -66,16 +69,24 @@ static struct message_answer log_in(const struct serve *serve, const struct mess
 
 /* ---- Orders ---- */
 
+struct receiver {
+    int socket;
+    bool needed; /* without it, the program has no use */
+};
+
 /* False: the web process wants no more, or does not read. */
 static bool pass_on(void *to, const char *bytes, size_t size) {
     char packet[1 + MESSAGE_PIECE] = "o";
-    const int *socket = to;
+    struct receiver *receiver = to;
 
     for (size_t done = 0, part; done < size; done += part) {
         part = size - done < MESSAGE_PIECE ? size - done : MESSAGE_PIECE;
         memcpy(packet + 1, bytes + done, part);
-        if (send(*socket, packet, 1 + part, MSG_NOSIGNAL) < 0)
+        if (receiver->socket < 0 || send(receiver->socket, packet, 1 + part, MSG_NOSIGNAL) >= 0)
+            continue;
+        if (receiver->needed)
             return false;
+        receiver->socket = -1; /* it does not wait again for a receiver that does not read */
     }
     return true;
 }
@@ -99,7 +110,8 @@ _Noreturn static void execute(const struct message_request *request, const struc
     char text[MESSAGE_TEXT + 1] = "";
 
     setsockopt(output, SOL_SOCKET, SO_SNDTIMEO, &patience, sizeof patience);
-    const struct run_for limits = {order->seconds, order->output, output, pass_on, &output};
+    struct receiver receiver = {.socket = output, .needed = !order->whole};
+    const struct run_for limits = {order->seconds, order->output, order->whole ? -1 : output, pass_on, &receiver};
     int error = run_program(command, &limits, &run);
     const struct message_end end = {.mark = 'e',
                                     .end = error ? MESSAGE_NOT_STARTED : (uint8_t)run.end,
@@ -155,11 +167,33 @@ static struct message_answer start(const struct serve *serve, const struct messa
     return (struct message_answer){.status = 200};
 }
 
+/* Waits for a request. 0, or -errno. */
+static int wait_for(const struct serve *serve, int64_t heard) {
+    struct pollfd wait[1 + SERVE_PARTS] = {{.fd = serve->web, .events = POLLIN}};
+    int64_t left = serve->silence ? heard + (int64_t)serve->silence * 1000 - clock_ms() : -1;
+
+    for (int i = 0; i < SERVE_PARTS; i++)
+        wait[1 + i] = (struct pollfd){.fd = serve->part[i] ? serve->part[i] : -1, .events = POLLIN};
+    int found = poll(wait, 1 + SERVE_PARTS, !serve->silence ? -1 : left > 0 ? (int)left : 0);
+    if (found < 0)
+        return -errno;
+    for (int i = 0; i < SERVE_PARTS; i++)
+        if (wait[1 + i].revents)
+            return -ECHILD;
+    return found ? 0 : -ETIMEDOUT;
+}
+
 int serve(const struct serve *serve) {
     static struct guesses guesses;
     pid_t running[SERVE_ORDERS] = {0};
+    int64_t heard = clock_ms();
 
     for (;;) {
+        int waited = wait_for(serve, heard);
+        if (waited == -EINTR)
+            continue;
+        if (waited)
+            return waited;
         struct message_request request = {.size = 0};
         int fd = -1;
         ssize_t got = recv(serve->web, &request, sizeof request, 0);
@@ -168,9 +202,14 @@ int serve(const struct serve *serve) {
             continue;
         if (got <= 0)
             return got ? -errno : 0;
-        struct message_answer answer = !message_is_good(&request, (size_t)got) ? refusal(400, "not a request")
-                                       : request.kind == MESSAGE_LOGIN         ? log_in(serve, &request, &guesses)
-                                                                               : start(serve, &request, running, &fd);
+        bool good = message_is_good(&request, (size_t)got);
+        if (good)
+            heard = clock_ms();
+        if (good && request.kind == MESSAGE_ALIVE)
+            continue;
+        struct message_answer answer = !good                           ? refusal(400, "not a request")
+                                       : request.kind == MESSAGE_LOGIN ? log_in(serve, &request, &guesses)
+                                                                       : start(serve, &request, running, &fd);
         explicit_bzero(&request, sizeof request);
         int error = message_answer(serve->web, &answer, fd);
         if (fd >= 0)

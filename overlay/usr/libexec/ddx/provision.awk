@@ -1,6 +1,6 @@
 # SPDX-License-Identifier: GPL-2.0-or-later
 # Checks ddx.txt: prints valid lines in a normalized form, and on standard error the fault of each other line. A
-# wireless network is printed as wifi=NAME PASSPHRASE, its name in hexadecimal digits.
+# wireless network is printed as wifi=NAME PASSPHRASE, its name in hexadecimal digits; a passphrase without quotes.
 
 # A line that may contain a passphrase is not shown, since errors are on screens and in logs.
 function wrong(why, line) {
@@ -82,17 +82,24 @@ function hexadecimal(text, i, digits) {
 	return digits
 }
 
+# Whether a line with a passphrase has characters that only look like what was meant.
+function is_mistyped() {
+	if (value ~ /\342\200[\234-\236]/)
+		wrong("straight quotes are needed: \"")
+	else if (value ~ /[\001-\037\177]/)
+		wrong("it has an invisible character; type the line again")
+	return bad
+}
+
 function wifi(name, phrase, bare) {
 	wireless_lines++
 	rest = value
 	name = next_word()
 	if (!broken) phrase = next_word()
 	bare = !quoted
-	if (value ~ /\342\200[\234-\236]/)
-		wrong("straight quotes are needed: \"")
-	else if (value ~ /[\001-\037\177]/)
-		wrong("it has an invisible character; type the line again")
-	else if (broken || rest != "")
+	if (is_mistyped())
+		return
+	if (broken || rest != "")
 		wrong("quotes are needed around what has spaces in it: wifi=\"Robot Hall\" \"pass phrase\"; a quote in there twice")
 	else if (name == "" || length(name) > 32)
 		wrong("a network's name is needed first, of 32 bytes at most: wifi=hall passphrase")
@@ -106,6 +113,21 @@ function wifi(name, phrase, bare) {
 	else if (once("wifi " name))
 		value = hexadecimal(name) " " phrase
 	wireless_networks += !bad
+}
+
+function panel(phrase) {
+	rest = value
+	phrase = next_word()
+	if (is_mistyped())
+		return
+	if (broken || rest != "")
+		wrong("quotes are needed around what has spaces in it: panel=\"pass phrase\"; a quote in there twice")
+	else if (phrase ~ /[^ -~]/)
+		wrong("a passphrase has letters from A to Z, digits and signs only")
+	else if (length(phrase) < 12 || length(phrase) > 128)
+		wrong("a passphrase has 12 to 128 characters, this one " length(phrase))
+	else if (once(key))
+		value = phrase
 }
 
 function service(count, words) {
@@ -148,7 +170,7 @@ NR == 1 { sub(/^\357\273\277/, "") } # some editors begin a file like this
 	value = substr($0, at + 1)
 	sub(/ +$/, "", key)
 	sub(/^ +/, "", value)
-	if (key == "wifi") { # as typed: spaces may belong to a name or a passphrase
+	if (key == "wifi" || key == "panel") { # as typed: spaces may belong to a name or a passphrase
 		value = substr(typed, index(typed, "=") + 1)
 		gsub(/^[ \t]+|[ \t]+$/, "", value)
 	} else
@@ -174,6 +196,8 @@ NR == 1 { sub(/^\357\273\277/, "") } # some editors begin a file like this
 		else once(key)
 	} else if (key == "wifi")
 		wifi()
+	else if (key == "panel")
+		panel()
 	else if (key == "network")
 		network()
 	else if (key == "dns")
@@ -183,7 +207,7 @@ NR == 1 { sub(/^\357\273\277/, "") } # some editors begin a file like this
 	else if (key == "service")
 		service()
 	else
-		wrong("not a key; there are: console country dns hostname network ntp service ssh_key test wifi")
+		wrong("not a key; there are: console country dns hostname network ntp panel service ssh_key test wifi")
 	if (!bad) good[NR] = key "=" value
 }
 END {

@@ -1,0 +1,63 @@
+// SPDX-License-Identifier: GPL-2.0-or-later
+// What the page asks of the machine.
+
+export class Refused extends Error {
+	constructor(status, text) {
+		super(text);
+		this.status = status; // as of HTTP
+	}
+}
+
+function post(path, body) {
+	return fetch(`/panel/${path}`, { method: "POST", headers: { "X-Panel": "1" }, body });
+}
+
+// The machine's name; Refused with 401: not logged in.
+export async function session() {
+	const answer = await fetch("/panel/session");
+	const text = (await answer.text()).trim();
+	if (!answer.ok) throw new Refused(answer.status, text);
+	return text;
+}
+
+// Status, and ms until this address may try again.
+export async function logIn(secret) {
+	const answer = await post("login", secret);
+	if (![200, 401, 429].includes(answer.status)) throw new Refused(answer.status, (await answer.text()).trim());
+	return { status: answer.status, wait: (await answer.json()).wait };
+}
+
+export function logOut() {
+	return post("logout", "");
+}
+
+// Execute an order; each line of its output goes to take() as it comes. How it ended: { end: "exited", status: 0 }. The
+// last line is the panel's; a line that looks like it but is followed by another one is the program's.
+export async function order(words, take = () => {}) {
+	const answer = await post("order", words.join("\n"));
+	if (!answer.ok) throw new Refused(answer.status, (await answer.text()).trim());
+	const reader = answer.body.pipeThrough(new TextDecoderStream()).getReader();
+	let rest = "", last = null;
+	for (;;) {
+		const { value, done } = await reader.read();
+		if (done) break;
+		const lines = (rest + value).split("\n");
+		rest = lines.pop();
+		for (const line of lines) {
+			if (last !== null) take(last);
+			last = line.startsWith('{"end":') ? line : null;
+			if (last === null) take(line);
+		}
+	}
+	if (last === null) throw new Refused(0, "the answer is incomplete");
+	return JSON.parse(last);
+}
+
+// Execute an order that only says how it went; a reason if it failed, else null.
+export async function change(words) {
+	const said = [];
+	const how = await order(words, (line) => said.push(line));
+	if (how.end === "exited" && how.status === 0) return null;
+	const reason = said.join(" ").trim().replace(/^ddxctl: /, "");
+	return reason || `${words.join(" ")}: ${how.end}, ${how.status}`;
+}

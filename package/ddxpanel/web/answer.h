@@ -1,0 +1,31 @@
+/* SPDX-License-Identifier: GPL-2.0-or-later */
+/* What the web process answers to a request: logins and orders by way of the process of root. */
+#ifndef DDXPANEL_ANSWER_H
+#define DDXPANEL_ANSWER_H
+
+#include <stddef.h>
+
+#include "message.h"
+#include "scgi.h"
+#include "session.h"
+
+#define ANSWER_TEXT (MESSAGE_PIECE + 512) /* headers and a short body, or a piece of output and what follows the last */
+
+struct visitors {
+    int root; /* socket of the process of root */
+    struct sessions sessions;
+};
+
+struct answer {
+    char text[ANSWER_TEXT]; /* for the web server */
+    size_t size;
+    int order; /* socket from which the rest comes, see struct message_end; -1: that was all */
+};
+
+/* Answer a complete request. 0; -errno: the process of root does not answer, this one has no use any more. */
+int answer_request(struct visitors *visitors, const struct scgi *request, struct answer *answer);
+
+/* Answer with a status and a line of text. */
+void answer_refuse(struct answer *answer, unsigned status, const char *reason);
+
+#endif

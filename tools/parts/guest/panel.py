@@ -1,0 +1,118 @@
+# SPDX-License-Identifier: GPL-2.0-or-later
+"""A machine with the panel, its visitors with a browser, and those that send what no browser would send."""
+from __future__ import annotations
+
+import base64
+import hashlib
+import json
+import pathlib
+import ssl
+import subprocess
+import sys
+from collections.abc import Sequence
+from typing import Any
+
+from parts.common import MORTAL, Closing, Failed, wait_until
+from parts.guest.native_machine import NativeMachine
+from parts.media.browser import Browser
+
+PASSPHRASE = "open sesame, please"
+ADDRESS = "https://127.0.0.1/"
+# The public key in a P-256 certificate: what comes before its 64 bytes, and the length with them.
+KEY_BEGIN, KEY_SIZE = bytes.fromhex("3059301306072a8648ce3d020106082a8648ce3d030107034200"), 91
+# Sends each request of standard input (a line of JSON: method, path, headers, body), and prints status and headers.
+CLIENT = """
+import http.client, json, ssl, sys
+context = ssl._create_unverified_context()
+for line in sys.stdin:
+    method, path, headers, body = json.loads(line)
+    link = http.client.HTTPSConnection("127.0.0.1", context=context, timeout=60)
+    link.putrequest(method, path, skip_host="Host" in headers)
+    for name, value in headers.items():
+        link.putheader(name, value)
+    link.putheader("Content-Length", str(len(body)))
+    link.endheaders(body.encode())
+    answer = link.getresponse()
+    print(json.dumps([answer.status, dict(answer.headers), answer.read().decode(errors="replace")]))
+    link.close()
+"""
+
+
+Request = tuple[str, str, dict[str, str], str]  # method, path, headers, body
+
+
+def start(robot: NativeMachine, passphrase: str = PASSPHRASE) -> None:
+    """As with a line panel= in ddx.txt, which the machine in namespaces has not."""
+    if passphrase:
+        robot.sh(f"echo 'panel={passphrase}' >> /run/provision")
+    robot.sh("ddxctl enable ddxpanel")
+    robot.wait_until("ddxctl logs ddxpanel | grep -q ready")
+
+
+def inside(robot: NativeMachine) -> list[str]:
+    """Words before a command of the host, for the machine's network."""
+    return ["nsenter", f"--net=/proc/{robot.init}/ns/net"]
+
+
+def certificate(robot: NativeMachine) -> bytes:
+    """The certificate (DER) that the web server shows."""
+    fetch = "import ssl; print(ssl.get_server_certificate(('127.0.0.1', 443)))"
+    done = subprocess.run([*MORTAL, *inside(robot), sys.executable, "-c", fetch], capture_output=True, text=True,
+                          check=True)
+    return ssl.PEM_cert_to_DER_cert(done.stdout.strip())
+
+
+def digest(der: bytes) -> str:
+    """As browsers show it."""
+    return hashlib.sha256(der).digest().hex(":").upper()
+
+
+def ask(robot: NativeMachine, requests: Sequence[Request]) -> list[Any]:
+    """Status, headers and body of each answer."""
+    lines = "".join(json.dumps(one) + "\n" for one in requests)
+    done = subprocess.run([*MORTAL, *inside(robot), sys.executable, "-c", CLIENT], input=lines, capture_output=True,
+                          text=True, check=True)
+    return [json.loads(line) for line in done.stdout.splitlines()]
+
+
+class Visitor(Closing):
+    """A browser on a phone, which takes no other certificate than this one."""
+
+    def __init__(self, robot: NativeMachine, folder: pathlib.Path, shown: bytes) -> None:
+        key = shown[shown.index(KEY_BEGIN):][:KEY_SIZE]
+        pin = base64.b64encode(hashlib.sha256(key).digest()).decode()
+        self.browser = Browser(inside(robot), folder, f"--ignore-certificate-errors-spki-list={pin}")
+
+    def open(self, address: str = ADDRESS) -> None:
+        self.browser.visit(address)
+
+    def sees(self, expression: str) -> None:
+        """Wait until an expression is true in the page."""
+        def true() -> bool:
+            try:
+                return bool(self.browser.value(f"!!({expression})"))
+            except Failed:  # a page that is being loaded has no such element, or nothing at all
+                if self.browser.process.poll() is not None:
+                    raise
+                return False
+
+        try:
+            wait_until(true, f"the page does not show: {expression}", 0.1)
+        except Failed as error:
+            raise Failed(f"{error}; it shows: {self.text()}") from None
+
+    def text(self) -> str:
+        return str(self.browser.value("document.body ? document.body.innerText : ''"))
+
+    def reads(self, words: str) -> None:
+        self.sees(f"document.body.innerText.includes({json.dumps(words)})")
+
+    def taps(self, expression: str) -> None:
+        self.browser.value(f"{expression}.click()")
+
+    def logs_in(self, passphrase: str) -> None:
+        self.browser.value(f"document.getElementById('passphrase').value = {json.dumps(passphrase)}")
+        self.taps("document.querySelector('form button')")
+
+    def end(self) -> None:
+        self.browser.end()
