@@ -18,6 +18,7 @@ from parts.media.browser import Browser
 
 PASSPHRASE = "open sesame, please"
 ADDRESS = "https://127.0.0.1/"
+SHOWN = 100.0  # s; until then a page shows what it shall, also on a busy machine
 # The public key in a P-256 certificate: what comes before its 64 bytes, and the length with them.
 KEY_BEGIN, KEY_SIZE = bytes.fromhex("3059301306072a8648ce3d020106082a8648ce3d030107034200"), 91
 # Sends each request of standard input (a line of JSON: method, path, headers, body), and prints status and headers.
@@ -97,7 +98,7 @@ class Visitor(Closing):
                 return False
 
         try:
-            wait_until(true, f"the page does not show: {expression}", 0.1)
+            wait_until(true, f"the page does not show: {expression}", 0.1, SHOWN)
         except Failed as error:
             raise Failed(f"{error}; it shows: {self.text()}") from None
 
