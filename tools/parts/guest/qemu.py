@@ -13,7 +13,7 @@ from collections.abc import Callable, Mapping
 from types import TracebackType
 from typing import ClassVar
 
-from parts.common import MORTAL, OUTPUT, PATIENCE, TOP, Failed, copy, run, say, wait_until
+from parts.common import MORTAL, OUTPUT, PATIENCE, TOP, Failed, alone, copy, run, say, wait_until
 from parts.disk.disk import BOOT, Disk
 from parts.guest import machine as boards
 from parts.guest.channel import Channel, Timeout
@@ -332,10 +332,11 @@ def acceleration(image: pathlib.Path) -> str:
         return TCG
     machine = pathlib.Path("/proc/sys/kernel/random/boot_id").read_text().strip()
     cache = OUTPUT / "accel"
-    if cache.exists() and cache.read_text().split()[0] == machine:
-        return cache.read_text().split()[1]
-    say("does KVM work here? ...")
-    accel = "kvm" if _reaches_userspace(image, "kvm") else TCG
-    say(f"does KVM work here? {'yes' if accel == 'kvm' else f'no userspace within {PROBE_SECONDS} s; using TCG'}")
-    cache.write_text(f"{machine} {accel}\n")
-    return accel
+    with alone("look for KVM", OUTPUT / "accel.lock"):  # each process of the tests asks
+        if cache.exists() and cache.read_text().split()[0] == machine:
+            return cache.read_text().split()[1]
+        say("does KVM work here? ...")
+        accel = "kvm" if _reaches_userspace(image, "kvm") else TCG
+        say(f"does KVM work here? {'yes' if accel == 'kvm' else f'no userspace within {PROBE_SECONDS} s; using TCG'}")
+        cache.write_text(f"{machine} {accel}\n")
+        return accel
