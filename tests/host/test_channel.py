@@ -71,3 +71,15 @@ def test_a_command_without_a_wait_is_run(shell: Channel, tmp_path: pathlib.Path)
     shell.begin("echo one; touch here")
     assert shell.run("[ -e here ] && echo two") == (0, "two\n")
     assert (tmp_path / "here").exists()
+
+
+def test_a_guest_that_has_gone_is_reported(tmp_path: pathlib.Path) -> None:
+    """At a probe for the shell, where the other end is closed already."""
+    with socket.socket(socket.AF_UNIX) as listener:
+        listener.bind(str(tmp_path / "console"))
+        listener.listen()
+        channel = Channel(tmp_path / "console")
+        listener.accept()[0].close()
+    with pytest.raises(Timeout, match="console: the guest has gone"):
+        channel.open_shell(5)
+    channel.close()

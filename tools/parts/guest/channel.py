@@ -1,6 +1,5 @@
 # SPDX-License-Identifier: GPL-2.0-or-later
 """A shell in the guest over one of QEMU's console sockets: run a command, get its exit status and output."""
-import contextlib
 import pathlib
 import re
 import socket
@@ -65,8 +64,12 @@ class Channel:
         while True:
             # Probes may fill the socket before the guest is up; dropping one is harmless.
             self._socket.settimeout(0)
-            with contextlib.suppress(BlockingIOError):
+            try:
                 self._socket.send(b"\necho rea''dy\n")
+            except BlockingIOError:
+                pass
+            except ConnectionError:
+                raise Timeout(f"{self.path.name}: the guest has gone") from None
             try:
                 self.wait(rb"ready\r?\n", 0.3)
                 break

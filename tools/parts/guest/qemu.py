@@ -214,7 +214,9 @@ class Guest(Robot):
                 self.channel(name).open_shell(timeout)
             except Timeout as error:
                 tail = self._said().decode(errors="replace")[-1500:]
-                raise Failed(f"the guest did not come up: {error}\n{tail}") from None
+                gone = self.process.poll()
+                why = "" if gone is None else f"; QEMU exited with status {gone}: {self.words()}"
+                raise Failed(f"the guest did not come up: {error}{why}\n{tail}") from None
         return self._channels[name]
 
     def wait_for_log(self, text: bytes, timeout: float = PATIENCE) -> None:
