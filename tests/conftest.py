@@ -18,6 +18,7 @@ from collections.abc import Iterator
 
 import pytest
 
+from parts import processes
 from parts.common import OUTPUT
 from parts.guest import machine, qemu
 from parts.testing import suite
@@ -77,6 +78,7 @@ class Outcomes:
     def __init__(self) -> None:
         self.items: dict[str, pytest.Item] = {}
         self.seconds: dict[str, float] = {}
+        self.processor: dict[str, float] = {}
         self.failures: dict[str, str] = {}
         self.skipped: dict[str, str] = {}
         self.strict: set[str] = set()
@@ -96,6 +98,7 @@ class Outcomes:
         name = item.nodeid
         outcome = "failed" if name in self.failures else "skipped" if name in self.skipped else "passed"
         line = {"test": suite.plain(name), "outcome": outcome, "seconds": round(self.seconds.get(name, 0.0), 2),
+                "processor": round(self.processor.get(name, 0.0), 2),
                 "guests": qemu.Guest.started, "worker": os.environ.get("PYTEST_XDIST_WORKER", "")}
         write({**line, "strict": name in self.strict, "failure": self.failures.get(name, ""),
                "reason": self.skipped.get(name, "") if outcome == "skipped" else ""})
@@ -106,6 +109,11 @@ class Outcomes:
 
 
 OUTCOMES = Outcomes()
+
+
+def processor_seconds() -> float:
+    """Of this process, of those that it waited for, and of the guests, which run on between tests."""
+    return sum(os.times()[:4]) + sum(processes.seconds(guest.process.pid) for guest in qemu.Guest.alive)
 
 
 @pytest.fixture
@@ -133,13 +141,15 @@ def pytest_runtest_makereport(item: pytest.Item, call: pytest.CallInfo[None]):  
 @pytest.hookimpl(optionalhook=True)
 def pytest_handlecrashitem(crashitem: str, report: pytest.TestReport) -> None:
     """A test during which its process died, so that only pytest-xdist can report it."""
-    write({"test": suite.plain(crashitem), "outcome": "failed", "seconds": 0.0, "guests": 0, "worker": "",
-           "strict": False, "failure": str(report.longrepr), "reason": ""})
+    write({"test": suite.plain(crashitem), "outcome": "failed", "seconds": 0.0, "processor": 0.0, "guests": 0,
+           "worker": "", "strict": False, "failure": str(report.longrepr), "reason": ""})
 
 
 @pytest.hookimpl(hookwrapper=True)
 def pytest_runtest_protocol(item: pytest.Item):  # type: ignore[no-untyped-def]
     if os.geteuid() == 0:  # no other user gets a priority back
         os.setpriority(os.PRIO_PROCESS, 0, LATER if item.get_closest_marker("computes") else USUAL)
+    begin = processor_seconds()
     yield
+    OUTCOMES.processor[item.nodeid] = processor_seconds() - begin
     OUTCOMES.end(item)

@@ -1,6 +1,8 @@
 # SPDX-License-Identifier: GPL-2.0-or-later
-"""Child processes: stopped, or asked line by line."""
+"""Child processes: stopped, measured, or asked line by line."""
 import json
+import os
+import pathlib
 import subprocess
 from typing import Any
 
@@ -19,6 +21,15 @@ def stop(process: subprocess.Popen[Any], patience: float = 5) -> None:
         process.wait(patience)
     except subprocess.TimeoutExpired:
         kill(process)
+
+
+def seconds(pid: int) -> float:
+    """The processor time of a running process, in s; 0 if there is none."""
+    try:
+        fields = pathlib.Path(f"/proc/{pid}/stat").read_text().rpartition(")")[2].split()
+    except OSError:
+        return 0.0
+    return (int(fields[11]) + int(fields[12])) / os.sysconf("SC_CLK_TCK")  # user and system
 
 
 class Client:

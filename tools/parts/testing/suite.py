@@ -6,6 +6,7 @@ import json
 import os
 import pathlib
 import re
+import resource
 import subprocess
 import threading
 import time
@@ -38,6 +39,7 @@ class Test:
     failure: str = ""
     reason: str = ""  # why it was skipped
     strict: bool = False  # a failure that is not run again
+    processor: float = 0.0  # seconds of processor time; of tests in Python alone
 
 
 def plain(name: str) -> str:
@@ -162,20 +164,26 @@ class Suite:
             for worker in {line["worker"] for line in lines}:
                 self.guests += max(line["guests"] for line in lines if line["worker"] == worker)
             return [Test(before + line["test"], line["outcome"], line["seconds"], line["failure"], line["reason"],
-                         line["strict"]) for line in lines]
+                         line["strict"], line["processor"]) for line in lines]
 
         tests = run(*(["-k", " ".join(words)] if words else []), *folders)
         names = [test.name.removeprefix(f"{board}: ") for test in tests if self._again(test)]
         self.take(tests, {test.name: test for test in run(*names)} if names else {})
 
     def table(self) -> str:
-        """Minutes of each part (parts overlap), the number of guests, and the slowest tests."""
+        """Minutes of each part (parts overlap), the number of guests, the slowest tests, and those that take the most
+        processor time, which is what a run of the gate waits for."""
         lines = ["", "minutes"]
         lines += [f"{seconds / 60:7.1f}  {name}" for name, seconds in self.parts.items()]
         took = time.monotonic() - self.begin
-        lines += [f"{took / 60:7.1f}  all, parts overlap; {self.guests} guests booted", "", "seconds"]
+        used = resource.getrusage(resource.RUSAGE_CHILDREN)
+        lines += [f"{took / 60:7.1f}  all, parts overlap; {self.guests} guests booted",
+                  f"{(used.ru_utime + used.ru_stime) / 60:7.1f}  of processor time", "", "seconds"]
         slowest = sorted(self.tests, key=lambda test: test.seconds, reverse=True)[:SLOWEST]
         lines += [f"{test.seconds:7.1f}  {test.name}" for test in slowest]
+        dearest = sorted(self.tests, key=lambda test: test.processor, reverse=True)[:SLOWEST]
+        lines += ["", "seconds of processor time, of tests in Python"]
+        lines += [f"{test.processor:7.1f}  {test.name}" for test in dearest if test.processor]
         return "\n".join(lines) + "\n"
 
     def verdict(self, flaky_file: pathlib.Path) -> int:
