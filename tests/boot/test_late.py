@@ -24,7 +24,7 @@ def test_power_is_cut_during_late_work(boot: Boot, short_clip: pathlib.Path, tmp
     disk = testdisk.make(tmp_path / "test.img", short_clip)
     with boot(f"late-cut{number}", size=CARD, keep=tmp_path, test_disk=disk) as guest:
         guest.shell()
-        guest.sh("ddxctl disable decode")
+        guest.sh("ddxctl disable ddxdecode")
         guest.wait_until("[ -e /run/late.begun ]", pause=0.1)
         time.sleep(number * STEP)
         guest.process.kill()
@@ -35,7 +35,7 @@ def test_power_is_cut_during_late_work(boot: Boot, short_clip: pathlib.Path, tmp
         guest.wait_until("[ -e /run/late.done ]")
         wait_until_grown(guest)
         assert room(guest) > 0.95 * CARD
-        assert guest.sh("cat /data/ddx/decode.conf") == "enabled=no"
+        assert guest.sh("cat /data/ddx/ddxdecode.conf") == "enabled=no"
         assert "enabled=no" in guest.sh("cat /rec/.ddx/settings")
         assert guest.shell().run("ls /run/settings.lost /run/settings.uncopied")[0] != 0
         assert "EXT4-fs error" not in guest.sh("dmesg")

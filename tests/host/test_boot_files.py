@@ -10,7 +10,7 @@ from parts.image import rootfs
 pytestmark = pytest.mark.retry
 
 LISTED = ("bin/busybox", "usr/lib/libz.so.1.2", "etc/init.d/S20store", "lib/modules/6.12/modules.dep")
-OTHERS = ("usr/bin/decode", "usr/lib/libpng.so.1", "lib/modules/6.12/kernel/bochs.ko")
+OTHERS = ("usr/bin/ddxdecode", "usr/lib/libpng.so.1", "lib/modules/6.12/kernel/bochs.ko")
 
 
 def test_listed_files_are_unpacked_and_others_are_packed(tmp_path: pathlib.Path) -> None:
