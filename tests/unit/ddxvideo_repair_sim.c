@@ -476,6 +476,8 @@ int main(int argc, char **argv) {
                   {"hush-in-bursts", check_hush_in_bursts},
                   {"forged", check_forged},
                   {"freeze", check_freeze},
+                  {"narrow", check_narrow},
+                  {"small-wire", check_small_wire},
                   {"hostile", check_hostile},
                   {"forged-repair", check_forged_repair},
                   {"outages", check_outages},
