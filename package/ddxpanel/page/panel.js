@@ -94,7 +94,7 @@ function choose() {
 	for (const link of pages.children)
 		if (link.hash === `#${name}`) link.setAttribute("aria-current", "page");
 		else link.removeAttribute("aria-current");
-	shown = { busy: false, ...VIEWS[name][1](view, argument || "store", gone) };
+	shown = { busy: false, ...VIEWS[name][1](view, argument || "ddxstore", gone) };
 	view.focus();
 	refresh();
 }

@@ -4,17 +4,17 @@ import { age, armed, element, notice } from "./dom.js";
 import { change, order } from "./robot.js";
 
 const PURPOSES = {
-	store: ["holds the pictures; everything else needs it", "no pictures and no recording"],
+	ddxstore: ["holds the pictures; everything else needs it", "no pictures and no recording"],
 	ddxvideoV4L: ["takes pictures from the camera", "no pictures from the camera"],
 	ddxvideo1394: ["takes pictures from an IIDC camera", "no pictures from that camera"],
 	ddxvideosave: ["records", "nothing is recorded"],
 	ddxvideosend: ["sends pictures to the operator", "the operator sees nothing"],
 	ddxvideoplay: ["shows pictures on a screen of the machine", "no pictures on that screen"],
 	ddxvideoSVS: ["range from a stereo pair", "no range"],
-	decode: ["receives the stream of another robot", "that stream is not received"],
+	ddxdecode: ["receives the stream of another robot", "that stream is not received"],
 	ddxvideoload: ["plays a clip instead of a camera", "the clip stops"],
 	ddxlog: ["logs all other values", "nothing is logged"],
-	catalog: ["shows this machine's values to other machines", "other machines see no values"],
+	ddxcatalog: ["shows this machine's values to other machines", "other machines see no values"],
 	ddxhealth: ["restarts programs that hang", "the watchdog resets the machine"],
 	ddxpanel: ["this page", "this page goes away"],
 };
