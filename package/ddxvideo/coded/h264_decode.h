@@ -30,8 +30,8 @@ uint8_t *h264_decoder_room(struct h264_decoder *decoder, uint32_t bytes);
 bool h264_decoder_look(struct h264_decoder *decoder, const struct mp4_format *format, struct stamp *stamp);
 
 /*
- * Decode the frame whose bytes are in the room. False: it is damaged, or refers to a damaged one. The stamp's time is -1
- * if it has none.
+ * Decode the frame whose bytes are in the room. False: it is damaged, or refers to a damaged one. The stamp's time is
+ * -1 if it has none.
  */
 bool h264_decode(struct h264_decoder *decoder, bool key, struct stamp *stamp);
 

@@ -9,8 +9,8 @@
 #include "ddxvideo.h"
 
 /*
- * Set all that follows from the pictures: layout (GREY8 counts as 4:2:0), range, siting, pixel aspect, rate. 0, or -EIO:
- * there is no such preset.
+ * Set all that follows from the pictures: layout (GREY8 counts as 4:2:0), range, siting, pixel aspect, rate. 0, or
+ * -EIO: there is no such preset.
  */
 int h264_set_up(x264_param_t *param, const char *preset, const struct ddxvideo_geometry *geometry, int rate_num,
                 int rate_den);

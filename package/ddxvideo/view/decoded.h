@@ -1,7 +1,7 @@
 /* SPDX-License-Identifier: GPL-2.0-or-later */
 /*
- * The pictures of an MP4 file. A picture is decoded from the key frame before it on. The last decoded pictures are kept,
- * and the second before them is decoded ahead of steps back, which so need no decoding themselves.
+ * The pictures of an MP4 file. A picture is decoded from the key frame before it on. The last decoded pictures are
+ * kept, and the second before them is decoded ahead of steps back, so that these need not wait for the decoder.
  */
 #ifndef DDXVIDEO_DECODED_H
 #define DDXVIDEO_DECODED_H

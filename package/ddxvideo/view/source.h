@@ -43,7 +43,7 @@ struct source_limits {
  */
 struct source *source_item(const char *name, int port, const struct source_limits *limits, struct surface *surface);
 
-/* Settings for source_stream(): options of ddxdecode. */
+/* Settings for source_stream(): options of decode. */
 struct source_stream {
     long port;
     const char *group, *interface, *key;

@@ -1,5 +1,5 @@
 /* SPDX-License-Identifier: GPL-2.0-or-later */
-/* A stream: ddxdecode's receiver runs in a thread, and each of its pictures goes into the history. */
+/* A stream: decode's receiver runs in a thread, and each of its pictures goes into the history. */
 #include <inttypes.h>
 #include <stdio.h>
 #include <stdlib.h>
