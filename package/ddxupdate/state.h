@@ -25,7 +25,7 @@ int state_set(const char *path, const struct state_line *lines, size_t count);
 /* The slot that has come up last as the chosen one; 0: it is not known. */
 char state_proven(const char *path);
 
-/* Remember that slot. A failure, such as a full /data, is only reported: it must prevent neither a boot nor an update. */
+/* Remember that slot. A failure, such as a full /data, is only reported: it must not prevent a boot or an update. */
 void state_prove(const char *path, char slot);
 
 #endif

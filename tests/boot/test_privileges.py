@@ -30,7 +30,7 @@ Fields = dict[str, str]
 
 
 def look(guest: Guest) -> list[Fields]:
-    """/proc/<pid>/status of each process except kernel threads, which have no program. The boot's late work is root's."""
+    """/proc/<pid>/status of each process except kernel threads, which have no program. Late work runs as root."""
     guest.wait_until("[ -e /run/late.done ]")
     text = guest.sh("for p in /proc/[0-9]*; do readlink $p/exe > /dev/null && grep -H : $p/status; done; true")
     found: dict[str, Fields] = {}

@@ -22,7 +22,7 @@ int bytes_read_from(int fd, bool direct, uint64_t from, uint64_t size,
 /* Write all of these bytes. 0 or -errno. */
 int bytes_write(int fd, const unsigned char *bytes, size_t size);
 
-/* From now on bytes_read() and bytes_read_from() print a line, "12 %", for each percent of `total` bytes that all of them have read. */
+/* From now on bytes_read() and bytes_read_from() print a line, "12 %", for each percent of `total` bytes read. */
 void bytes_show_progress(uint64_t total);
 
 /* From now on INT, TERM and HUP stop bytes_read(). */
