@@ -23,7 +23,6 @@ from parts.guest.session import SAVE
 from parts.guest.stream import DECODE, RECORDER, SEND
 from parts.media import clip as default_clip, y4m
 from parts.media.counters import Counters
-from parts.media.likeness import Likeness
 from parts.media.recording import Comparison
 from parts.media.report import About, Report, Stage, page
 from parts.release.version import parse
@@ -76,15 +75,22 @@ def drawn_clip(seconds: int) -> pathlib.Path:
     return path
 
 
-def remarks(clip: str, outside: Comparison, likeness: Likeness | None, accel: str) -> list[str]:
+def listed(numbers: list[int]) -> str:
+    return ", ".join(map(str, numbers[:20])) + (" ..." if len(numbers) > 20 else "")
+
+
+def remarks(clip: str, outside: Comparison, seen: stream.Result, accel: str) -> list[str]:
     """How the frames were compared, and remarks about the result."""
     how = "byte for byte" if outside.exact else "by count, since they were converted to 4:2:0"
     notes = [f"{outside.recorded} of {outside.clip} frames were recorded, in order, compared with {clip} {how}."]
     if outside.missing:
-        first = ", ".join(map(str, outside.missing[:20]))
-        notes.append(f"Missing in the recording: {first}{' ...' if len(outside.missing) > 20 else ''}")
-    if likeness:
-        notes.append(likeness.words())
+        notes.append(f"Missing in the recording: {listed(outside.missing)}")
+    if seen.likeness:
+        notes.append(seen.likeness.words())
+    if seen.missing:
+        notes.append(f"Not in the stream: frames {listed(seen.missing)}. The sender takes the newest frame, so others "
+                     "are lost while it encodes one for longer than the time to the next; its slowest frame took "
+                     f"{seen.sent.latency.get('max', 0) / 1000:.0f} ms.")
     if accel == "tcg":
         notes.append("QEMU emulated the processor (no KVM): a real machine has shorter latencies.")
     return notes
@@ -104,7 +110,7 @@ def collect(guest: qemu.Guest, origin: source.Clip | source.Vivid, follower: Fol
               Stage("decoded", seen.decoded.out, seen.lost_decode, seen.decoded, books["decoded"])]
     about.boot = {"kernel_to_first_frame_s": round(result.load.first_ns / 1e9, 3)}
     about.stream = seen.likeness.figures() if seen.likeness else {"compared_by": "number"}
-    notes = remarks(origin.clip.name, result.outside, seen.likeness, about.accel)
+    notes = remarks(origin.clip.name, result.outside, seen, about.accel)
     disagreements = result.disagreements + seen.disagreements
     if seen.wrong:
         disagreements.append(f"{len(seen.wrong)} pictures that {DECODE} showed are not those of their time")

@@ -32,6 +32,7 @@ class Result:
     wrong: list[int]      # indices of those that differ from the source at their time
     disagreements: list[str]
     likeness: Likeness | None = None  # of a source without numbers in its pictures
+    missing: list[int] = dataclasses.field(default_factory=list)  # numbers in recorded pictures that were not shown
 
     @property
     def lost_send(self) -> int:
@@ -111,7 +112,8 @@ def judge(shown: pathlib.Path, recorded: pathlib.Path, sent: Counters, decoded: 
     seen = numbered(ours)
     found = None if source.numbered else alike(ours, source)
     wrong = found.wrong if found else unlike(seen, numbered(source))
-    result = Result(sent, decoded, seen, wrong, [], found)
+    missing = sorted({one for one in source.numbers if one is not None} - {one.number for one in seen})
+    result = Result(sent, decoded, seen, wrong, [], found, missing)
     agree(result.disagreements, f"pictures of {DECODE} recorded", len(seen), recorder.out)
     agree(result.disagreements, "frames sent and expected", sent.out, decoded.frames_in)
     adds_up(result.disagreements, sent, decoded, recorder)
