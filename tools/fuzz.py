@@ -24,13 +24,13 @@ Y4M = [f"common/{name}.c" for name in ("picture_convert", "video_item", "video_l
 MP4 = [f"coded/{name}.c" for name in ("mp4_read", "mp4_write", "stamp")] + [
     f"common/{name}.c" for name in ("video_item", "video_layout")]
 MCAP = [f"mcap/{name}.c" for name in ("bytes", "read", "reader")] + [
-    str(FORM / f"{name}.c") for name in ("declaration", "form", "schema")]
+    str(TOP / f"package/ddx/{name}.c") for name in ("form/form", "form/schema", "lib/type_parse")]
 PANEL = TOP / "package/ddxpanel"
 REQUEST = ["common/message.c", "common/secret.c", "root/order.c",
            *(f"web/{name}.c" for name in ("guard", "scgi", "session", "words"))]
 CATALOG = TOP / "package/ddxcatalog"
-NETWORK = [CATALOG / f"network/{name}.c" for name in ("address", "participant", "records", "stamps", "type", "value")
-           ] + [CATALOG / f"wire/{name}.c" for name in ("bucket", "description", "name", "sha256", "typehash")]
+NETWORK = [CATALOG / f"network/{name}.c" for name in ("participant", "records", "stamps", "value")] + [
+    CATALOG / f"wire/{name}.c" for name in ("bucket", "description", "name", "sha256", "typehash")]
 UPDATE = TOP / "package/ddxupdate"
 UPDATED = [f"{name}.c" for name in ("block", "fat", "manifest", "signature", "ustar")]
 # Sources of each target, below a package, and libraries.
@@ -71,7 +71,7 @@ def build(target: str, broken: bool) -> pathlib.Path:
         tree, switches = defects.COPY, ["-include", str(defects.FOLDER / "broken.h")]
     package, names, needed = TARGETS[target]
     folders = [LOG / "mcap", FORM, VIDEO / "stream", VIDEO / "stream/core", VIDEO / "coded", VIDEO / "common",
-               VIDEO / "include", TOP / "package/ddx/include", TOP / "package/ddx/program",
+               VIDEO / "include", TOP / "package/ddx/include", TOP / "package/ddx/lib", TOP / "package/ddx/program",
                *(PANEL / name for name in ("common", "root", "web")), UPDATE]
     libraries = OUTPUT / "desk/root" / native.LIBRARIES
     sources = [TOP / f"tests/fuzz/{target}.c", *(tree / (package / name).relative_to(TOP) for name in names)]
@@ -89,7 +89,7 @@ def build_foreign() -> pathlib.Path:
     """One program: its library has the defect and a switch."""
     FUZZ.mkdir(parents=True, exist_ok=True)
     program, source, library = FUZZ / f"fuzz-{FOREIGN}", TOP / f"tests/fuzz/{FOREIGN}.c", cyclonedds_fuzzed.fuzzed()
-    folders = [CATALOG / "network", CATALOG / "wire"]
+    folders = [CATALOG / "network", CATALOG / "wire", TOP / "package/ddx/program"]
 
     def compile_it() -> None:
         link(program, [source, *NETWORK], [f"-isystem{library / 'include'}", *(f"-I{folder}" for folder in folders)],

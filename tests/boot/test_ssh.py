@@ -55,7 +55,8 @@ def robot(boot: Boot, work: pathlib.Path, place: pathlib.Path) -> Iterator[Robot
     disk = testdisk.make(work / "ssh.img", clip)
     port = free_port()
     provision = f"network=eth0 dhcp\nssh_key={(place / 'mine.pub').read_text()}" \
-                "service=ddxdecode on\nservice=ddxvideosend on\nservice=ddxcatalog on\n"
+                "service=ddxdecode on\nservice=ddxvideosend on\nservice=ddxcatalog on\n" \
+                "panel=open-sesame-42\n"
     with boot("ssh", provision=provision, test_disk=disk, keep=place, extra=forward(port)) as guest:
         guest.shell()
         session.wait_for_clip(guest, SECONDS * default_clip.RATE)
@@ -112,6 +113,7 @@ def test_only_declared_ports_listen(robot: Robot) -> None:
     for name in ("ddxdecode", "ddxvideosend"):
         runs(robot.guest, name)
     robot.guest.wait_until("netstat -uln | grep -q :7411")
+    robot.guest.wait_until("ddxctl logs ddxpanel | grep -q ready")
     found = re.findall(r"^(tcp|udp)\s.*?:(\d+)\s.*/(\S+)", robot.guest.sh("netstat -tulnp"), re.M)
     assert manifest.ports({(kind, int(port), program) for kind, port, program in found}) == []
 

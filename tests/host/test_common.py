@@ -88,7 +88,7 @@ def test_programs_are_killed_with_their_starter(tmp_path: pathlib.Path) -> None:
     """Otherwise a store would survive its killed test."""
     test = start(DESK, tmp_path)
     store = int(line(test))
-    assert pathlib.Path(f"/proc/{store}/comm").read_text() == "store\n"
+    assert pathlib.Path(f"/proc/{store}/comm").read_text() == "ddxstore\n"
     test.send_signal(signal.SIGKILL)
     test.communicate()
     wait_until(lambda: not pathlib.Path(f"/proc/{store}").exists())

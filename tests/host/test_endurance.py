@@ -22,11 +22,11 @@ def grown(**by: int) -> list[str]:
 
 def test_steady_values_are_not_growth() -> None:
     assert grown() == []
-    assert grown(available=-endurance.MEMORY_LIMIT, store=200, processes=-2, descriptors=-5, files=60) == []
+    assert grown(available=-endurance.MEMORY_LIMIT, ddxstore=200, processes=-2, descriptors=-5, files=60) == []
 
 
 @pytest.mark.parametrize("name, by", [
-    ("descriptors", 9), ("processes", 3), ("available", -endurance.MEMORY_LIMIT - 1), ("store", 300),
+    ("descriptors", 9), ("processes", 3), ("available", -endurance.MEMORY_LIMIT - 1), ("ddxstore", 300),
     ("ddxvideosave", 300), ("files", 70)])
 def test_growth_is_reported(name: str, by: int) -> None:
     assert len(grown(**{name: by})) == 1

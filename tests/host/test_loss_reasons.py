@@ -11,7 +11,7 @@ pytestmark = pytest.mark.retry
 PAGE = TOP / "docs/architecture.md"
 # The source with a list of reasons: the programs built from it.
 PROGRAMS = {
-    "package/ddxcatalog/catalog/catalog.c": "`catalog`",
+    "package/ddxcatalog/catalog/catalog.c": "`ddxcatalog`",
     "package/ddxlog/log/logger.c": "`ddxlog`",
     "package/ddxlog/play/replay.c": "`ddxlog -replay`",
     "package/ddxvideo/grab/grabber.c": "`ddxvideoV4L`, `ddxvideo1394`",

@@ -31,7 +31,7 @@ def check(robot: NativeMachine) -> None:
     robot.sh("ddxctl start ddxvideosend.wrong || true")
     robot.wait_until(f"ddxctl logs ddxvideosend.wrong | grep -q {typed}")  # the program does print it
     for line in (phrase, panel, key, f"twice {key} and {key}", second, unused, "last words"):
-        robot.sh(f"printf '%s\\n' '{line}' >> /run/log/store/current")
+        robot.sh(f"printf '%s\\n' '{line}' >> /run/log/ddxstore/current")
     robot.sh("echo check was fine > /run/log/check.DDXREC; ln -s /data/ddx/stream.key /run/log/link")
     said = robot.sh("ddxctl report")
     for secret in (phrase, panel, key, typed, second, unused):

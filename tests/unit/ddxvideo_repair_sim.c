@@ -198,7 +198,8 @@ static void check_small_wire(void) {
         printf(
             "wire %.0f kbit/s, loss %.0f %%, %u receivers: frozen for %.1f %% of %g, frame rate changed %.1f times\n",
             (double)run.wire / 1000, 100 * run.part, run.receivers, part, cases[i].frozen, (double)changes / seeds);
-        CHECK(SANITIZED || part <= cases[i].frozen);
+        if (!SANITIZED) /* one seed may have more losses than the mean */
+            CHECK(part <= cases[i].frozen);
         CHECK(changes <= 20 * seeds); /* 80 s */
     }
     struct run run = {.loss = INDEPENDENT, .part = 0.5, .trip = 4 * MS, .receivers = 1, .wire = 80000};
