@@ -338,6 +338,6 @@ unsigned outlet_readers(const struct outlet *outlet) {
 }
 
 void outlet_look(struct outlet *outlet) {
-    if (outlet && (outlet->sender ? sender_ended(outlet->sender) : outlet->readers > 0))
+    if (outlet)
         follow_readers(outlet);
 }

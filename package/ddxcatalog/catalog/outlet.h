@@ -30,7 +30,10 @@ void outlet_close(struct outlet *outlet);
 /* The number of readers now. NULL is allowed. */
 unsigned outlet_readers(const struct outlet *outlet);
 
-/* Start the thread again if it has exited by itself, or could not be started. NULL is allowed. */
+/*
+ * Count the readers again, in case the event of one that left was missed: otherwise the item would be read and sent
+ * until the next event. Start the thread again if it has exited by itself, or could not be started. NULL is allowed.
+ */
 void outlet_look(struct outlet *outlet);
 
 #endif
