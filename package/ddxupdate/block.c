@@ -80,8 +80,8 @@ void block_came_up(struct block *block, char here) {
     if (here == block->slot) {
         block->left = 0;
         block->begun = 0;
-    } else if (block->left == '0') {
-        /* The chosen slot has no boots left. The loader does the same before it boots, if it can write. */
+    } else if (block->left) {
+        /* The chosen slot is on trial, and the loader could not start it, or has no boots left for it. */
         block->failed = block->slot;
         block->slot = here;
         block->left = 0;

@@ -13,18 +13,13 @@
 #include "message.h"
 
 int check_machine(const struct place *place) {
-    char reason[256] = "";
+    char reason[256];
 
     if (!place->here)
         return fail(2, "this machine was not started by the appliance's boot loader");
     if (!place->layout[0])
         return fail(2, "the boot menu of this card is too old for updates; flash the card once more");
-    FILE *wrong = fopen(place->wrong, "re");
-    if (wrong && fgets(reason, sizeof reason, wrong))
-        reason[strcspn(reason, "\n")] = 0;
-    if (wrong)
-        fclose(wrong);
-    if (reason[0])
+    if (place_line(place->wrong, reason, sizeof reason))
         return fail(2, "%s", reason);
     const int lock = open(place->lock, O_RDWR | O_CREAT | O_CLOEXEC | O_NOFOLLOW, 0600);
     if (lock < 0)
@@ -36,8 +31,7 @@ int check_machine(const struct place *place) {
 
 int check_no_trial(const struct place *place, const struct block *block) {
     if (block->left && block->slot == place->here)
-        return fail(2, "this version is in its first start; wait until it has come up, or take it back: "
-                       "ddxctl update back");
+        return fail(2, "this version is on trial; wait for its end, or decide: ddxctl update keep, or back");
     return 0;
 }
 

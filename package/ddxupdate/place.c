@@ -6,8 +6,8 @@
 
 #include "line.h"
 
-static void path_of(char path[PATH_MAX], const char *root, const char *name) {
-    snprintf(path, PATH_MAX, "%s%s", root, name);
+void place_path(const struct place *place, const char *name, char path[PATH_MAX]) {
+    snprintf(path, PATH_MAX, "%s%s", place->root, name);
 }
 
 /* Copy the value if the word is NAME=VALUE. */
@@ -37,17 +37,32 @@ static void read_words(struct place *place, const char *path) {
 void place_find(struct place *place, const char *root) {
     char words[PATH_MAX];
 
-    *place = (struct place){0};
-    path_of(place->block_lock, root, "/run/update.block");
-    path_of(place->lock, root, "/run/update.lock");
-    path_of(place->mount, root, "/run/update.slot");
-    path_of(place->release, root, "/etc/os-release");
-    path_of(place->keys, root, "/etc/ddx/update-keys");
-    path_of(place->wrong, root, "/run/slot.wrong");
-    path_of(place->failed, root, "/run/slot.failed");
-    path_of(place->state, root, "/data/update");
-    path_of(words, root, "/proc/cmdline");
+    *place = (struct place){.root = root};
+    place_path(place, "/run/update.block", place->block_lock);
+    place_path(place, "/run/update.lock", place->lock);
+    place_path(place, "/run/update.slot", place->mount);
+    place_path(place, "/etc/os-release", place->release);
+    place_path(place, "/etc/ddx/update-keys", place->keys);
+    place_path(place, "/run/slot.wrong", place->wrong);
+    place_path(place, "/run/slot.failed", place->failed);
+    place_path(place, "/data/update", place->state);
+    place_path(place, "/run/update.trial", place->progress);
+    place_path(place, "/etc/ddx/trial", place->rules);
+    place_path(place, "/proc/cmdline", words);
     read_words(place, words);
+}
+
+bool place_line(const char *path, char *text, int size) {
+    FILE *file = fopen(path, "re");
+    const bool found = file && fgets(text, size, file);
+
+    if (found)
+        text[strcspn(text, "\n")] = 0;
+    else
+        *text = 0;
+    if (file)
+        fclose(file);
+    return found;
 }
 
 void place_note(const char *path, const char *text) {

@@ -9,15 +9,22 @@
 enum { WORD_MAX = 64 };
 
 struct place {
+    const char *root; /* comes before all paths; empty on a machine, a folder in tests */
     char block_lock[PATH_MAX], lock[PATH_MAX], wrong[PATH_MAX], failed[PATH_MAX], state[PATH_MAX], mount[PATH_MAX],
-        release[PATH_MAX], keys[PATH_MAX]; /* paths */
-    char here;                             /* 'A' or 'B': the running slot; 0 if another loader started the machine */
-    char counted[WORD_MAX];                /* "begun=1": how the loader has counted this boot */
-    char layout[WORD_MAX]; /* of the disk, as GRUB's menu has passed it; empty if the card's menu is older */
+        release[PATH_MAX], keys[PATH_MAX], progress[PATH_MAX], rules[PATH_MAX]; /* paths */
+    char here;              /* 'A' or 'B': the running slot; 0 if another loader started the machine */
+    char counted[WORD_MAX]; /* "begun=1": how the loader has counted this boot */
+    char layout[WORD_MAX];  /* of the disk, as GRUB's menu has passed it; empty if the card's menu is older */
 };
 
-/* `root` comes before all paths; empty on a machine, a folder in tests. */
+/* `root` must stay valid. */
 void place_find(struct place *place, const char *root);
+
+/* The path of a file of the machine, such as "/run/service". */
+void place_path(const struct place *place, const char *name, char path[PATH_MAX]);
+
+/* Read a file's first line without its end, at most size - 1 bytes. False, and an empty text: it cannot be read. */
+bool place_line(const char *path, char *text, int size);
 
 /* Write a line to a new file, or to one that it replaces. */
 void place_note(const char *path, const char *text);

@@ -40,11 +40,14 @@ static int slot_flush(struct slot *slot) {
 static int write_all(struct slot *slot, const uint8_t *bytes, size_t size, uint64_t offset) {
     for (size_t at = 0; at < size;) {
         const size_t piece = size - at < WRITE ? size - at : WRITE;
+        const double begin = pace_now();
         const ssize_t done = pwrite(slot->fd, bytes + at, piece, (off_t)(offset + at));
         if (done <= 0)
             return fail(done ? -errno : -EIO, "%s: cannot be written: %s", slot->device, strerror(done ? errno : EIO));
         at += (size_t)done;
         slot->unflushed += (unsigned)done;
+        if (slot->pace)
+            pace_rest(slot->pace, pace_now() - begin);
     }
     return slot->unflushed < FLUSH ? 0 : slot_flush(slot);
 }

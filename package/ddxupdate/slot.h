@@ -12,6 +12,7 @@
 #include <stdint.h>
 
 #include "manifest.h"
+#include "pace.h"
 
 struct slot {
     const char *device;
@@ -19,6 +20,7 @@ struct slot {
     uint64_t size;
     uint8_t *piece,
         *first;         /* memory of 1 MiB each, for O_DIRECT: any piece, and the first one, which is written last */
+    struct pace *pace;  /* between writes; NULL: none */
     unsigned unflushed; /* bytes written since the last flush */
 };
 

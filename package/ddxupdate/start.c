@@ -2,11 +2,14 @@
 /* Chooses the slot that does not run for the next start: only if it has a version that names itself. The note on /data
  * comes before the block, in one write each. */
 #include <stdio.h>
-#include <string.h>
 
 #include "checks.h"
 #include "choose.h"
+#include "decide.h"
 #include "message.h"
+#include "pace.h"
+#include "rules.h"
+#include "sight.h"
 #include "state.h"
 
 static int find_other(const struct request *request, struct release *running, struct release *other) {
@@ -20,6 +23,23 @@ static int find_other(const struct request *request, struct release *running, st
     return 0;
 }
 
+/* What the other version will have to do as well. */
+static void look_around(const struct place *place, struct former *former) {
+    static struct sight before, now;
+    struct rules rules;
+
+    rules_read(&rules, place);
+    services_read(place, &now.services);
+    sight_look(place, &now);
+    before = now;
+    if (before.frames.count) {
+        pace_sleep(rules.step);
+        sight_look(place, &now);
+    }
+    now.ssh = ssh_answers(rules.ssh);
+    former_make(former, &before, &now);
+}
+
 static int try_other(const struct request *request, bool older) {
     const struct place *place = &request->place;
     const char slot[] = {block_other(place->here), 0}, here[] = {place->here, 0};
@@ -31,7 +51,20 @@ static int try_other(const struct request *request, bool older) {
         status = check_version(place, &running, &other, older);
     if (status)
         return status;
-    const struct state_line lines[] = {{"proven", here}, {"tried", slot}, {"version", other.version}};
+    static struct former former;
+    look_around(place, &former);
+    const struct state_line lines[] = {{"proven", here},
+                                       {"tried", slot},
+                                       {"version", other.version},
+                                       {"result", "begun"},
+                                       {"reason", ""},
+                                       {"seen", "no"},
+                                       {"runs", former.runs},
+                                       {"flows", former.flows},
+                                       {"links", former.links},
+                                       {"addresses", former.addresses},
+                                       {"ssh", former.ssh ? "yes" : "no"},
+                                       {"watchdog", former.watchdog ? "yes" : "no"}};
     state_set(place->state, lines, sizeof lines / sizeof lines[0]); /* a full /data must not prevent an update */
     status = choose_write(request, &block);
     if (!status)
@@ -60,9 +93,8 @@ int command_back(const struct request *request) {
         return status;
     if (!block.left || block.slot != request->place.here)
         return try_other(request, true);
-    block = (struct block){.slot = block_other(block.slot), .failed = block.slot};
-    status = choose_write(request, &block);
+    status = take_back(request, "a technician has taken it back");
     if (!status)
-        printf("slot %c is started next\n", block.slot);
+        printf("slot %c is started next\n", block_other(block.slot));
     return status;
 }

@@ -5,7 +5,6 @@
 #include <fcntl.h>
 #include <libgen.h>
 #include <limits.h>
-#include <stdbool.h>
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
@@ -35,6 +34,13 @@ void state_get(const char *path, const char *name, char *value, size_t size) {
     free(line);
     if (file)
         fclose(file);
+}
+
+bool state_is(const char *path, const char *name, const char *value) {
+    char found[64];
+
+    state_get(path, name, found, sizeof found);
+    return !strcmp(found, value);
 }
 
 static void copy_others(FILE *to, const char *path, const struct state_line *lines, size_t count) {

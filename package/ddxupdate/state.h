@@ -6,10 +6,16 @@
  *   proven   the slot that has come up last as the chosen one
  *   tried    the slot of the last `start` or `back`
  *   version  what that slot contains
+ *   result   of its trial: begun, kept, returned
+ *   reason   why it was taken back
+ *   seen     yes: a technician knows that
+ *   runs, flows, links, addresses, ssh, watchdog
+ *            the machine before the restart: sight.h
  */
 #ifndef DDXUPDATE_STATE_H
 #define DDXUPDATE_STATE_H
 
+#include <stdbool.h>
 #include <stddef.h>
 
 struct state_line {
@@ -18,6 +24,9 @@ struct state_line {
 
 /* The value of a line; empty if there is none. */
 void state_get(const char *path, const char *name, char *value, size_t size);
+
+/* Whether a line has this value. */
+bool state_is(const char *path, const char *name, const char *value);
 
 /* Set these lines, and keep the others. 0, or -errno after a line. */
 int state_set(const char *path, const struct state_line *lines, size_t count);

@@ -13,19 +13,19 @@ struct answer {
     struct release slots[2];
     bool found[2];
     struct block block;
-    char tried[WORD_MAX];
+    char tried[WORD_MAX], result[WORD_MAX], reason[256], progress[256];
 };
 
-/* How the slot of the last `start` or `back` fared. */
+/* How the slot of the last `start` or `back` fared. A trial may be over without a note, see came_up.c and return.c. */
 static const char *result(const struct request *request, const struct answer *answer) {
     const char tried = answer->tried[0];
 
     if (!tried)
         return "none";
-    if (answer->block.failed == tried)
-        return "failed";
+    if (answer->result[0] && strcmp(answer->result, "begun") != 0)
+        return answer->result;
     if (answer->block.slot != tried)
-        return "replaced";
+        return answer->block.failed == tried ? "returned" : "none";
     return answer->block.left ? request->place.here == tried ? "trial" : "chosen" : "kept";
 }
 
@@ -41,8 +41,12 @@ static void print_quoted(const char *text) {
 }
 
 static void print_json(const struct request *request, const struct answer *answer) {
-    printf("{\"running\":\"%c\",\"chosen\":\"%c\",\"last\":\"%s\",\"slots\":{", request->place.here, answer->block.slot,
+    printf("{\"running\":\"%c\",\"chosen\":\"%c\",\"last\":\"%s\",\"reason\":", request->place.here, answer->block.slot,
            result(request, answer));
+    print_quoted(answer->reason);
+    printf(",\"trial\":");
+    print_quoted(answer->progress);
+    printf(",\"slots\":{");
     for (int i = 0; i < 2; i++) {
         printf("%s\"%c\":", i ? "," : "", 'A' + i);
         if (!answer->found[i]) {
@@ -67,7 +71,10 @@ static void print_text(const struct request *request, const struct answer *answe
             puts("no version");
     }
     if (answer->tried[0])
-        printf("last update: slot %c, %s\n", answer->tried[0], result(request, answer));
+        printf("last update: slot %c, %s%s%s\n", answer->tried[0], result(request, answer),
+               answer->reason[0] ? ": " : "", answer->reason);
+    if (answer->progress[0])
+        printf("trial: %s\n", answer->progress);
 }
 
 int command_status(const struct request *request) {
@@ -79,6 +86,9 @@ int command_status(const struct request *request) {
     if (choose_read(request, &answer.block))
         return 1;
     state_get(place->state, "tried", answer.tried, sizeof answer.tried);
+    state_get(place->state, "result", answer.result, sizeof answer.result);
+    state_get(place->state, "reason", answer.reason, sizeof answer.reason);
+    place_line(place->progress, answer.progress, sizeof answer.progress);
     for (int i = 0; i < 2; i++)
         answer.found[i] = 'A' + i == place->here ? release_read(place->release, &answer.slots[i])
                                                  : release_of_slot(request->slots[i], place->mount, &answer.slots[i]);

@@ -50,10 +50,12 @@ static int write_pieces(struct slot *slot, const struct manifest *manifest) {
 }
 
 static int write_slot(const struct request *request, struct block *block, const struct manifest *manifest, char other) {
+    struct pace pace = {0};
     struct slot slot;
 
     if (slot_open(&slot, request->slots[other - 'A']))
         return 1;
+    slot.pace = &pace;
     int status = manifest->size > slot.size ? fail(2, "version %s is too large for slot %c", manifest->version, other)
                                             : stay_here(request, block);
     if (!status)

@@ -218,9 +218,9 @@ def recorder(boot: qemu.Boot, work: pathlib.Path, clip: pathlib.Path, stick: pat
 
 @pytest.fixture(scope="session")
 def closed(boot: qemu.Boot, board: Machine) -> Iterator[qemu.Guest]:
-    """A guest as flashed: nothing provisioned, no test disk. Its slot is on trial, as after an update, and a device
-    sends on its serial line from power-on."""
-    with boot("closed", console=False, environment=("left=3",)) as running, \
+    """A guest as flashed: nothing provisioned, no test disk. Its boot before did not come up, and a device sends on its
+    serial line from power-on."""
+    with boot("closed", console=False, environment=("begun=1",)) as running, \
             noisy(running, board.firmware) as talk:
         NOISE[running] = talk
         with kept(running):

@@ -29,7 +29,7 @@ def test_health_shows_the_running_version(guest: Guest, root: pathlib.Path) -> N
     assert guest.sh("ddxvideosave -version").splitlines()[-1] == f"image: {words['VERSION']}"
 
 
-def test_a_slot_on_trial_is_accepted_once_it_is_up(closed: Guest) -> None:
+def test_the_count_of_boots_is_cleared_once_one_is_up(closed: Guest) -> None:
     """GRUB counted this boot; the system removes the count."""
     closed.wait_for_log(USERSPACE)
     deadline = time.monotonic() + PATIENCE

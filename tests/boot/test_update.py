@@ -1,7 +1,6 @@
 # SPDX-License-Identifier: GPL-2.0-or-later
-"""A new version by SSH into the running machine: it starts, it is kept, and the machine goes back. The update is the
-image's own root file system."""
-import dataclasses
+"""A new version by SSH into the running machine: its trial begins, it is kept, and the machine goes back. The update is
+the image's own root file system, with a shorter trial."""
 import json
 import pathlib
 import subprocess
@@ -14,6 +13,8 @@ from parts.guest.laptop import forward, free_port
 from parts.guest.qemu import Boot, Guest
 from parts.release import update_file
 
+from . import slot_image
+
 pytestmark = [pytest.mark.retry, pytest.mark.long]
 
 
@@ -23,20 +24,22 @@ def restarted(guest: Guest, slot: str) -> None:
     guest.shell()
     words = guest.sh("cat /proc/cmdline").split()
     assert f"ddx.slot={slot}" in words and "ddx.layout=1" in words
+    assert "this version is on trial" in guest.sh("ddxctl health || true")
+    if slot == "A":  # its trial takes five minutes
+        assert guest.sh("ddxctl update keep") == "this version is kept"
     block = {"slot": "B"} if slot == "B" else {}
     guest.wait_until(f"[ \"$(cat /data/update | sed -n 's/^proven=//p')\" = {slot} ]")
     assert guest.environment() == block
     guest.wait_until("ddxctl status ddxvideosave | grep -q state=running")
 
 
-def test_there_and_back(boot: Boot, image: pathlib.Path, tmp_path: pathlib.Path) -> None:
+def test_there_and_back(boot: Boot, image: pathlib.Path, root: pathlib.Path, tmp_path: pathlib.Path) -> None:
     if image != build.DEV / "disk.img":
         pytest.skip("the key of this image's updates is not here")
-    root = image.parent / "rootfs.squashfs"
-    what = update_file.release(root)
+    new = slot_image.make(root, tmp_path / "new.squashfs")
+    here, what = update_file.release(image.parent / "rootfs.squashfs"), update_file.release(new)
     file = tmp_path / "new.update"
-    file.write_bytes(update_file.make(dataclasses.replace(what, version="9.9.9 (new)"), root.read_bytes(),
-                                      build.UPDATE_KEY))
+    file.write_bytes(update_file.make(what, new.read_bytes(), build.UPDATE_KEY))
     run(["ssh-keygen", "-q", "-t", "ed25519", "-N", "", "-f", tmp_path / "mine"])
     port = free_port()
     provision = f"network=eth0 dhcp\nssh_key={(tmp_path / 'mine.pub').read_text()}"
@@ -56,13 +59,13 @@ def test_there_and_back(boot: Boot, image: pathlib.Path, tmp_path: pathlib.Path)
         done = ssh("ddxctl update -")
         assert (done.returncode, done.stderr) == (0, ""), done
         assert done.stdout == "slot B: version 9.9.9 (new); `ddxctl update start` restarts into it\n"
-        size = root.stat().st_size
+        size = new.stat().st_size
         read = f"dd if=$(/usr/libexec/ddx/own-partition 3) bs=4096 count={size // 4096} 2> /dev/null | sha256sum"
-        assert guest.sh(read).split()[0] == run(["sha256sum", root]).split()[0]
+        assert guest.sh(read).split()[0] == run(["sha256sum", new]).split()[0]
         guest.shell().begin("ddxctl update start")
         restarted(guest, "B")
         status = json.loads(guest.sh("ddxctl update status --json"))
-        version = {"version": what.version, "serial": int(what.serial)}
-        assert status == {"running": "B", "chosen": "B", "last": "kept", "slots": {"A": version, "B": version}}
+        slots = {slot: {"version": one.version, "serial": int(one.serial)} for slot, one in (("A", here), ("B", what))}
+        assert status == {"running": "B", "chosen": "B", "last": "kept", "reason": "", "trial": "", "slots": slots}
         guest.shell().begin("ddxctl update back")
         restarted(guest, "A")

@@ -14,12 +14,13 @@ import pytest
 from parts.common import MORTAL
 from parts.image import busybox, rootfs
 
-from .programs import TOP
+from .programs import TOP, library_folder
 
 USERS = {"root": 0, "ddxhealth": 901, "ddxlog": 902}
 GROUPS = {"root": 0, "ddx": 900}
 SERVICE = ("finish", "folder", "merge.awk", "mounted", "service", "settings.awk")
-SETUP = 'mount --rbind /dev "$0/dev" && mount -t proc proc "$0/proc" && exec chroot "$0" sh -c "echo ready && exec cat"'
+SETUP = 'mount --bind "$0" "$0" && cd / && mount --rbind /dev "$0/dev" && mount -t proc proc "$0/proc" && ' \
+        'exec chroot "$0" sh -c "echo ready && exec cat"'
 
 
 class Appliance:
@@ -59,7 +60,10 @@ class Appliance:
 
     def install_program(self, program: pathlib.Path, to: str) -> None:
         """Copy a program of the desk build, and the libraries that it needs."""
-        for file, name in [(program, to), *((path, str(path)[1:]) for path in rootfs.libraries(program, []))]:
+        ours = library_folder()
+        found = rootfs.libraries(program, [ours])
+        libraries = [(path, f"usr/lib/{path.name}" if path.is_relative_to(ours) else str(path)[1:]) for path in found]
+        for file, name in [(program, to), *libraries]:
             (self.root / name).parent.mkdir(parents=True, exist_ok=True)
             shutil.copy(file, self.root / name)
 

@@ -20,6 +20,7 @@ from parts.image import native
 from parts.release import update_file
 from parts.release.update_file import MEMBERS
 
+from .programs import library_folder
 from .update_disk import FORMER, NEW, RUNNING, UpdateDisk
 
 pytestmark = [pytest.mark.computes, pytest.mark.retry]
@@ -189,8 +190,9 @@ def test_an_older_version_is_not_started_by_accident(disk: UpdateDisk) -> None:
 
 def test_status(disk: UpdateDisk) -> None:
     before, done = disk.content(), disk.run("status", "-json")
-    assert json.loads(done.stdout) == {"running": "A", "chosen": "A", "last": "none", "slots": {
-        "A": {"version": RUNNING.version, "serial": 1000}, "B": {"version": FORMER.version, "serial": 500}}}
+    slots = {"A": {"version": RUNNING.version, "serial": 1000}, "B": {"version": FORMER.version, "serial": 500}}
+    assert json.loads(done.stdout) == {"running": "A", "chosen": "A", "last": "none", "reason": "", "trial": "",
+                                       "slots": slots}
     assert disk.run("status").stdout == ("slot A, running, started next: version 0.2.0 (running), serial 1000\n"
                                          "slot B: version 0.1.0 (former), serial 500\n")
     assert disk.content() == before
@@ -198,8 +200,9 @@ def test_status(disk: UpdateDisk) -> None:
 
 def test_bad_usage() -> None:
     program = native.build() / "usr/libexec/ddx/ddxupdate"
-    for words in ("", "-root", "-root /x", "write", "write a b", "block a b c", "keep a"):
-        done = subprocess.run([program, *words.split()], capture_output=True, text=True, check=False)
+    for words in ("", "-root", "-root /x", "write", "write a b", "block a b c", "keep a b", "return -reason a b c"):
+        done = subprocess.run([program, *words.split()], capture_output=True, text=True, check=False,
+                              env={"LD_LIBRARY_PATH": str(library_folder())})
         assert (done.returncode, done.stderr) == (2, "ddxupdate: bad usage; see ddxupdate -help\n"), words
 
 
@@ -219,17 +222,19 @@ def test_there_and_back(fresh: UpdateDisk) -> None:
     assert fresh.run("start").stdout == "slot B is started next: version 0.3.0 (new)\n"
     assert fresh.block() == {"slot": "B", "left": "3"}
     state = (fresh.place / "data/update").read_text()
-    assert state == "proven=A\ntried=B\nversion=0.3.0 (new)\n"
+    assert state.startswith("proven=A\ntried=B\nversion=0.3.0 (new)\nresult=begun\nreason=\nseen=no\nruns=\n")
     assert json.loads(fresh.run("status", "-json").stdout)["last"] == "chosen"
 
-    # the first start: no other update now
+    # its trial: no other update now
     fresh.words("ddx.slot=B ddx.layout=1 ddx.counted=left=3")
     fresh.release(NEW)
     assert json.loads(fresh.run("status", "-json").stdout)["last"] == "trial"
     for command in ("write", "start"):
         done = fresh.run(command, stdin=fresh.update())
-        assert done.returncode == 2 and "this version is in its first start" in done.stderr
-    assert fresh.run("block").returncode == 0
+        assert done.returncode == 2 and "this version is on trial" in done.stderr
+    assert fresh.run("block").returncode == 3
+    assert fresh.block() == {"slot": "B", "left": "3"}
+    assert fresh.run("keep").returncode == 0
     assert fresh.block() == {"slot": "B"}
     assert json.loads(fresh.run("status", "-json").stdout)["last"] == "kept"
 
@@ -237,7 +242,7 @@ def test_there_and_back(fresh: UpdateDisk) -> None:
     assert fresh.block() == {"left": "3"}
 
 
-def test_a_first_start_is_taken_back(fresh: UpdateDisk) -> None:
+def test_a_technician_takes_a_version_back(fresh: UpdateDisk) -> None:
     for command in ("write", "start"):
         assert fresh.run(command, stdin=fresh.update()).returncode == 0
     fresh.words("ddx.slot=B ddx.layout=1 ddx.counted=left=3")
@@ -245,7 +250,45 @@ def test_a_first_start_is_taken_back(fresh: UpdateDisk) -> None:
     assert fresh.run("back").stdout == "slot A is started next\n"
     assert fresh.block() == {"failed": "B"}
     fresh.words("ddx.slot=A ddx.layout=1 ddx.counted=begun=1")
-    assert json.loads(fresh.run("status", "-json").stdout)["last"] == "failed"
+    fresh.release(RUNNING)
+    assert fresh.run("ended").returncode == 0
+    status = json.loads(fresh.run("status", "-json").stdout)
+    assert (status["last"], status["reason"]) == ("returned", "a technician has taken it back")
+    assert fresh.run("seen").returncode == 0
+    assert fresh.block() == {} and "seen=yes" in (fresh.place / "data/update").read_text()
+
+
+@pytest.mark.parametrize("block, counted, reason", [
+    ({"slot": "B", "left": "2"}, "left=2", "the boot loader could not start slot B"),
+    ({"begun": "1", "failed": "B"}, "begun=1", "it was started three times, and each time it stopped or hung"),
+    ({"begun": "1"}, "begun=1", None),  # the power was cut before the block was written
+    ({"slot": "B", "begun": "3"}, "begun=3", None),  # kept; the power was cut before that was noted
+])
+def test_the_end_of_a_trial_is_noted_by_the_other_version(fresh: UpdateDisk, block: dict[str, str], counted: str,
+                                                           reason: str | None) -> None:
+    for command in ("write", "start"):
+        assert fresh.run(command, stdin=fresh.update()).returncode == 0
+    fresh.set_block(block)
+    fresh.words(f"ddx.slot=A ddx.layout=1 ddx.counted={counted}")
+    done = fresh.run("ended", "-reason", "; and more")
+    assert done.returncode == (0 if reason else 1)
+    status = json.loads(fresh.run("status", "-json").stdout)
+    ended = ("returned", f"{reason}; and more") if reason else ("kept" if block.get("slot") else "none", "")
+    assert (status["last"], status["reason"]) == ended
+    assert fresh.run("ended").returncode == 1  # once
+    fresh.run("block")
+    assert (fresh.block() or {}).get("left") is None
+
+
+def test_without_another_version_none_is_taken_back(tmp_path: pathlib.Path) -> None:
+    """The machine would restart for ever."""
+    if reason := lacking():
+        pytest.skip(reason)
+    with UpdateDisk(tmp_path, "B", former=False, block={"slot": "B", "left": "2"}) as disk:
+        disk.words("ddx.slot=B ddx.layout=1 ddx.counted=left=2")
+        done = disk.run("return", "-reason", "of no use")
+        assert done.returncode == 1 and "slot A has no version to go back to" in done.stderr
+        assert disk.block() == {"slot": "B", "left": "2"}
 
 
 @pytest.mark.parametrize("broken, said", [

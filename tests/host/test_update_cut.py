@@ -28,11 +28,11 @@ def chosen(block: Block) -> str:
 
 
 def run_update(disk: UpdateDisk, commands: str) -> None:
-    """The commands in turn; `keep`: the other slot comes up."""
+    """The commands in turn; `keep` and `return` are those of the other slot's trial."""
     for command in commands.split():
-        if command == "keep":
+        if command in ("keep", "return"):
             disk.words(f"ddx.slot={disk.other} ddx.layout=1 ddx.counted=left=3")
-            done = disk.run("block")
+            done = disk.run(command)
         else:
             done = disk.run(command, stdin=disk.update() if command == "write" else b"")
         assert done.returncode == 0, f"{command}: {done.stderr}"
@@ -64,6 +64,15 @@ def test_no_power_cut_leaves_half_a_version(tmp_path: pathlib.Path, here: str, s
         assert disk.slot(here).startswith(disk.roots[RUNNING])
         assert disk.block() == ({"slot": "B"} if disk.other == "B" else {})
         assert judge(disk, step, firm=True) >= 300
+
+
+def test_no_power_cut_while_a_version_is_taken_back(tmp_path: pathlib.Path) -> None:
+    if reason := lacking():
+        pytest.skip(reason)
+    with UpdateDisk(tmp_path, "A") as disk:
+        run_update(disk, "write start return")
+        assert disk.block() == {"failed": "B"}
+        assert judge(disk, 32, firm=True) >= 300
 
 
 def test_a_slot_that_did_not_come_up_is_filled_again(tmp_path: pathlib.Path) -> None:

@@ -21,6 +21,9 @@ def _robot(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Appliance]:
                   '#!/bin/sh\n{ echo "$*"; cat; } > /run/words\nexit "$(cat /run/status)"\n')
     (appliance.root / "sbin/reboot").unlink()  # a link to BusyBox
     appliance.add("sbin/reboot", "#!/bin/sh\necho restart >> /run/words\n")
+    appliance.add("usr/libexec/ddx/control", "#!/bin/sh\necho thing\n")
+    appliance.add("usr/libexec/ddx/settings-copy", "#!/bin/sh\necho settings\n")
+    (appliance.root / "data").mkdir()
     (appliance.root / "run/file").write_text("content\n")
     yield appliance
     appliance.end()
@@ -48,6 +51,8 @@ DEVICES = "/dev/own1 /dev/own2 /dev/own3\n"
     ("start", 2, f"start {DEVICES}"),
     ("back", 0, f"back {DEVICES}restart\n"),
     ("back", 1, f"back {DEVICES}"),
+    ("seen", 0, "seen /dev/own1\n"),
+    ("keep", 2, "keep /dev/own1\n"),
     ("status", 0, f"status {DEVICES}"),
     ("status --json", 0, f"status -json {DEVICES}"),
 ])
@@ -56,9 +61,10 @@ def test_words(robot: Appliance, typed: str, status: int, called: str) -> None:
 
 
 @pytest.mark.parametrize("typed, said", [
-    ("", "needs a file, -, start, back or status"),
+    ("", "needs a file, -, start, status, keep, back, report or seen"),
     ("/run/none", "/run/none: there is no such file"),
     ("start back", "unexpected 'back'"),
+    ("report", "no version was taken back on this machine"),
     ("-x", "unknown option -x"),
     ("start -json", "-json belongs to status"),
     ("https://example.org/x.update", "an update is not read from there"),
@@ -66,6 +72,19 @@ def test_words(robot: Appliance, typed: str, status: int, called: str) -> None:
 def test_bad_words(robot: Appliance, typed: str, said: str) -> None:
     code, text, called = words(robot, f"/usr/libexec/ddx/ctl-update {typed}")
     assert (code, called) == (2, "") and text.startswith("ddxctl: update: ") and said in text and text.count("\n") == 1
+
+
+def test_the_machine_is_noted_before_a_trial_only(robot: Appliance) -> None:
+    noted = robot.root / "run/update.services", robot.root / "data/update.settings"
+    for path in noted:
+        path.unlink(missing_ok=True)
+    (robot.root / "run/update.trial").write_text("all well for 1 of 300 s\n")
+    words(robot, "/usr/libexec/ddx/ctl-update back")
+    assert not any(path.exists() for path in noted)
+    (robot.root / "run/update.trial").unlink()
+    words(robot, "/usr/libexec/ddx/ctl-update start")
+    assert [path.read_text() for path in noted] == ["thing\n", "settings\n"]
+    assert noted[1].stat().st_mode & 0o777 == 0o600
 
 
 def test_another_disk(robot: Appliance) -> None:

@@ -15,6 +15,8 @@ from parts.image import native
 from parts.release import update_file
 from parts.release.update_file import Release
 
+from .programs import library_folder
+
 RUNNING, NEW = Release("test", "1", "0.2.0 (running)", "1000"), Release("test", "1", "0.3.0 (new)", "2000")
 FORMER = Release("test", "1", "0.1.0 (former)", "500")
 
@@ -50,6 +52,7 @@ class UpdateDisk(Closing):
         for name in ("proc", "run", "data", "etc/ddx/update-keys"):
             (self.place / name).mkdir(parents=True)
         (self.place / "etc/ddx/update-keys/test.pub").write_text(public.read_text())
+        (self.place / "etc/ddx/trial").write_text("step=0.1\nssh=1\n")
         self.words(f"ddx.slot={here} ddx.layout=1 ddx.counted=begun=1")
         self.release()
         self.device = LoggedDevice(image)
@@ -71,10 +74,11 @@ class UpdateDisk(Closing):
     def run(self, command: str, *options: str, stdin: bytes = b"", env: dict[str, str] | None = None,
             pipe: bool = False) -> subprocess.CompletedProcess[str]:
         """Run ddxupdate; its input is a file, or a pipe."""
-        devices = self.devices[:1] if command == "block" else self.devices
+        devices = self.devices[:1] if command in ("block", "keep", "seen", "ended", "trial") else self.devices
         program = native.build() / "usr/libexec/ddx/ddxupdate"
         words = [str(program), "-root", str(self.place), command, *options, *devices]
-        environment = {**os.environ, **(env or {})}
+        environment = {**os.environ, "DDX_DIR": str(self.place / "run/ddx"),
+                       "LD_LIBRARY_PATH": str(library_folder()), **(env or {})}
         if pipe:
             done = subprocess.run(words, env=environment, capture_output=True, check=False, input=stdin)
         else:
@@ -95,6 +99,14 @@ class UpdateDisk(Closing):
 
     def block(self) -> dict[str, str] | None:
         return boot_block.block_of(self.content()[self.block_at:self.block_at + boot_block.BYTES])
+
+    def set_block(self, block: dict[str, str]) -> None:
+        """As the boot loader does."""
+        with open(self.devices[0], "r+b") as file:
+            file.seek(self.block_at - BOOT[0])
+            file.write(boot_block.text_of(block))
+            file.flush()
+            os.fsync(file.fileno())
 
     def stop(self) -> None:
         """Let go of the disk: its log is complete then."""

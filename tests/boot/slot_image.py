@@ -1,0 +1,45 @@
+# SPDX-License-Identifier: GPL-2.0-or-later
+"""The image's root file system with some files changed, for the other slot."""
+import pathlib
+import re
+import shutil
+from collections.abc import Callable
+
+from parts.common import run, scratch
+from parts.image import rootfs
+
+VERSION = "9.9.9 (new)"
+# A trial of seconds: an emulated machine boots slowly, but nothing is judged by its speed.
+RULES = "good=15\ndeadline=120\nwatchdog=90\n"
+Change = Callable[[pathlib.Path], object]
+
+
+def make(root: pathlib.Path, image: pathlib.Path, change: Change = lambda folder: None) -> pathlib.Path:
+    """A squashfs of the unpacked `root` with another version, a short trial, and one change more."""
+    with scratch() as folder:
+        copy = folder / "root"
+        run(["cp", "-a", root, copy])
+        release = copy / "usr/lib/os-release"
+        release.write_text(re.sub("^VERSION=.*$", f'VERSION="{VERSION}"', release.read_text(), flags=re.MULTILINE))
+        (copy / "etc/ddx/trial").write_text(RULES)
+        change(copy)
+        rootfs.pack(copy, image)
+    return image
+
+
+def script(path: pathlib.Path, text: str) -> None:
+    """Put a script in the place of a program."""
+    path.unlink()
+    path.write_text(f"#!/bin/sh\n{text}\n")
+    path.chmod(0o755)
+
+
+def remove(folder: pathlib.Path, pattern: str) -> None:
+    """Remove what a pattern names, which must be there."""
+    found = list(folder.rglob(pattern))
+    assert found, pattern
+    for path in found:
+        if path.is_dir():
+            shutil.rmtree(path)
+        else:
+            path.unlink()
