@@ -3,6 +3,10 @@
 tests/boot/test_update.py has the whole on a machine."""
 from __future__ import annotations
 
+import functools
+import http.server
+import pathlib
+import threading
 from collections.abc import Iterator
 
 import pytest
@@ -92,3 +96,29 @@ def test_another_disk(robot: Appliance) -> None:
     code, text, called = words(robot, "/usr/libexec/ddx/ctl-update start")
     (robot.root / "run/none").unlink()
     assert (code, text, called) == (2, "ddxctl: update: this disk does not have the appliance's partitions\n", "")
+
+
+class Pages(http.server.SimpleHTTPRequestHandler):
+    users: list[int] = []
+
+    def do_GET(self) -> None:
+        """Notes whose socket asks: /proc/net/tcp has it in hexadecimal digits, with its user."""
+        port = f":{self.client_address[1]:04X}"
+        sockets = [line.split() for line in pathlib.Path("/proc/net/tcp").read_text().splitlines()]
+        self.users.extend(int(one[7]) for one in sockets if one[1].endswith(port))
+        super().do_GET()
+
+    def log_message(self, *_: object) -> None:
+        pass
+
+
+def test_an_update_is_fetched_by_a_user_without_rights(robot: Appliance) -> None:
+    pages = functools.partial(Pages, directory=robot.root / "run")
+    with http.server.ThreadingHTTPServer(("127.0.0.1", 0), pages) as web:
+        threading.Thread(target=web.serve_forever, daemon=True).start()
+        fetch = f"/usr/libexec/ddx/ctl-update http://127.0.0.1:{web.server_port}"
+        assert words(robot, f"{fetch}/file -older") == (0, "", f"write -older {DEVICES}content\n")
+        code, said, called = words(robot, f"{fetch}/nothing", 2)
+        web.shutdown()
+    assert (code, called) == (2, f"write {DEVICES}") and "404" in said
+    assert Pages.users == [65534, 65534]
