@@ -5,6 +5,7 @@ import re
 import shutil
 from collections.abc import Callable
 
+import build
 from parts.common import run, scratch
 from parts.image import rootfs
 
@@ -23,6 +24,7 @@ def make(root: pathlib.Path, image: pathlib.Path, change: Change = lambda folder
         release.write_text(re.sub("^VERSION=.*$", f'VERSION="{VERSION}"', release.read_text(), flags=re.MULTILINE))
         (copy / "etc/ddx/trial").write_text(RULES)
         change(copy)
+        shutil.copy(build.DEV / "boot-files.actions", folder)  # the list is the same for all boards
         rootfs.pack(copy, image)
     return image
 
