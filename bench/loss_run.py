@@ -12,7 +12,7 @@ from typing import Any
 from bench.clips import pictures
 from bench.loss_figures import View, figures, mean, usable_at
 from bench.loss_peers import Peer
-from parts.common import scratch
+from parts.common import Failed, scratch
 from parts.link.link import Link, Way
 from parts.link.loss import ALL, NOTHING, Bursts, EveryThird, Iid, Outages, Pattern
 
@@ -82,8 +82,9 @@ class Take:
         return max((after - before for before, after in zip(times, times[1:])), default=0) / 1e6
 
     def disturbed(self) -> bool:
-        """Whether the machine was too busy: the robot's frames or the relay's packets were late."""
-        return self.pause_ms() > PAUSE_MS or self.wire["late_ms"] > LATE_MS or self.wire["overrun"] > 0
+        """Whether the machine was too busy: frames of the robot or packets of the relay were late, or none came."""
+        return (not self.frames() or self.pause_ms() > PAUSE_MS or self.wire["late_ms"] > LATE_MS
+                or self.wire["overrun"] > 0)
 
 
 def rate(before: Way, after: Way, seconds: float) -> float:
@@ -132,6 +133,8 @@ def _take(case: Case, peer: Peer, link: Link, clip: pathlib.Path, plan: Plan) ->
 def judge(found: Take, clean: dict[int, float]) -> dict[str, Any]:
     """The figures of a run: the mean of all operators, and the usable frames of the worst one."""
     frames = found.frames()
+    if not frames:
+        raise Failed("the robot wrote no frame while the link was measured; is this machine too busy?")
     each = [figures(view, clean, frames) for view in found.views]
     row: dict[str, Any] = {**dataclasses.asdict(found.case), "deadline_ms": found.views[0].deadline_ms,
                            "frames": len(frames),

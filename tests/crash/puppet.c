@@ -71,7 +71,7 @@ static int64_t hang_up(void) {
     return 0;
 }
 
-static int64_t limit(int64_t more) {
+static int set_limit(int64_t more) {
     struct rlimit room;
     int fd = -1;
 
@@ -88,6 +88,16 @@ static int64_t limit(int64_t more) {
         room.rlim_cur = (rlim_t)fd;
     }
     return setrlimit(RLIMIT_NOFILE, &room) ? -errno : 0;
+}
+
+/* The lock: a message's descriptors, which the keeper closes after it has handled the message, must not count. */
+static int64_t limit(int64_t more) {
+    if (!item)
+        return set_limit(more);
+    ddx_lock_take(&item->lock);
+    int64_t answer = set_limit(more);
+    ddx_lock_give(&item->lock);
+    return answer;
 }
 
 static int64_t look_at_lock(int64_t times) {

@@ -165,15 +165,18 @@ def test_log_and_recording_together(desk: Desk, compile_client: Compiler) -> Non
     """Frames and values are replayed by one clock and recorded again: every frame, value and time is equal. An MP4
     recording of the frames follows the same clock."""
     clip = make_clip(desk.folder / "clip.y4m", "64x48", "25", 50)
-    logger, saver = begin(desk, "output one\nitem *\n", "one"), start_recorder(desk, "-output", "one.y4m")
+    logger = begin(desk, "output one\nitem imu\nitem video.parameters\n", "one")
+    saver = start_recorder(desk, "-output", "one.y4m")
     coded = start_recorder(desk, "-output", "one.mp4", "-quality", "0", "-instance", "coded")
     writer = write(desk, compile_client, "imu", 250, 10000)
     wait_until(lambda: desk.sequence("imu") > 0)  # the log starts first
     assert desk.run("ddxvideoload", clip, "-readers", "2").returncode == 0
     written(desk, writer)
-    assert stop(saver)[0] == stop(coded)[0] == stop(logger)[0] == 0
+    assert stop(saver)[0] == stop(coded)[0] == 0
+    code, logged = stop(logger)
     first = recorded_run(desk, only(desk, "one"), desk.folder / "one.y4m", "")
-    assert len(first) == 300
+    # A logger that gets no processor for more than half a second misses values, and counts them.
+    assert (code, len(first)) == (0, 300 - lost(logged))
 
     logger = begin(desk, "output two\nitem r.*\n", "two")
     saver = start_recorder(desk, "-output", "two.y4m", "-name", "again")
@@ -186,13 +189,15 @@ def test_log_and_recording_together(desk: Desk, compile_client: Compiler) -> Non
     counters, _ = replay(desk, only(desk, "one"), "-prefix", "r.", "-clock", "run.clock", "-readers", "1",
                          "-except", "*.stats,video*")
     assert loader.wait(60) == decoder.wait(60) == 0, desk.errors(loader) + desk.errors(decoder)
-    assert stop(saver)[0] == stop(other)[0] == stop(logger)[0] == 0
+    assert stop(saver)[0] == stop(other)[0] == 0
+    code, logged_again = stop(logger)
     second = recorded_run(desk, only(desk, "two"), desk.folder / "two.y4m", "r.")
-    assert second == first  # times are equal to the nanosecond
+    assert (code, len(second)) == (0, len(first) - lost(logged_again))
+    assert second == [one for one in first if one in second]  # times are equal to the nanosecond
     third = desk.folder / "three.y4m"
     assert pictures(third) == pictures(desk.folder / "two.y4m") and times(third) == times(desk.folder / "two.y4m")
     assert start_of(third) == start_of(desk.folder / "two.y4m")
-    assert counters["out"] == 250
+    assert counters["out"] == 250 - lost(logged)
 
 
 def test_a_clock_needs_a_recording_that_knows_its_time(desk: Desk) -> None:
