@@ -6,7 +6,8 @@ import shutil
 from collections.abc import Callable
 
 import build
-from parts.common import run, scratch
+from parts.common import PATIENCE, run, scratch, wait_until
+from parts.guest.qemu import Guest
 from parts.image import rootfs
 
 VERSION = "9.9.9 (new)"
@@ -45,3 +46,9 @@ def remove(folder: pathlib.Path, pattern: str) -> None:
             shutil.rmtree(path)
         else:
             path.unlink()
+
+
+def wait_for_boots(guest: Guest, count: int, patience: float = PATIENCE) -> None:
+    """Wait until the boot loader has begun for the `count`th time: QEMU can report one restart as two RESET events."""
+    wait_until(lambda: guest.log.read_bytes().count(b"GNU GRUB") >= count, f"no boot {count}", 1, patience)
+    guest.reset()

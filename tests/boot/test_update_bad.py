@@ -81,9 +81,7 @@ def test_a_bad_version_is_taken_back(boot: Boot, root: pathlib.Path, tmp_path: p
         guest.wait_until("ddxctl stats --json | grep -q '\"instance\":\"ddxvideosave\",\"in\":[1-9]'")
         guest.wait_until("netstat -tln | grep -q :22 && grep -q eth0 /proc/net/route")
         guest.shell().begin("ddxctl update start")
-        for _ in range(bad.resets):
-            guest.wait_for_event("RESET", 900)
-        guest.reset()
+        slot_image.wait_for_boots(guest, 1 + bad.resets, 900)
         guest.shell()
         assert "ddx.slot=A" in guest.sh("cat /proc/cmdline").split()
         status = json.loads(guest.sh("ddxctl update status --json"))
