@@ -59,3 +59,10 @@ void frames_look(struct frames *frames) {
     free(items);
     ddx_store_close(id);
 }
+
+const struct counter *frames_find(const struct frames *frames, const char *name) {
+    for (unsigned i = 0; i < frames->count; i++)
+        if (!strcmp(frames->list[i].name, name))
+            return &frames->list[i];
+    return NULL;
+}

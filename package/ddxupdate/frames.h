@@ -26,4 +26,7 @@ struct frames {
 
 void frames_look(struct frames *frames);
 
+/* The counters of an instance; NULL: there are none. */
+const struct counter *frames_find(const struct frames *frames, const char *name);
+
 #endif

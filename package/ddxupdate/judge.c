@@ -31,13 +31,6 @@ static enum verdict judge_services(const struct former *former, const struct ser
     return GOOD;
 }
 
-static const struct counter *find(const struct frames *frames, const char *name) {
-    for (unsigned i = 0; i < frames->count; i++)
-        if (!strcmp(frames->list[i].name, name))
-            return &frames->list[i];
-    return NULL;
-}
-
 /* Whether the service may be silent: a person has stopped or disabled it, or it is not one of this version's. */
 static bool may_rest(const struct services *services, const char *name) {
     for (unsigned i = 0; i < services->count; i++)
@@ -52,12 +45,12 @@ static enum verdict judge_frames(const struct former *former, const struct sight
 
     snprintf(names, sizeof names, "%s", former->flows);
     for (const char *name = strtok_r(names, " ", &rest); name; name = strtok_r(NULL, " ", &rest)) {
-        const struct counter *is = find(&now->frames, name), *was = find(&before->frames, name);
+        const struct counter *is = frames_find(&now->frames, name), *was = frames_find(&before->frames, name);
         if (!may_rest(&now->services, name) && (!is || !was || is->passed <= was->passed))
             return because(BAD, reason, "%s: no new frame", name);
     }
     for (unsigned i = 0; i < now->frames.count; i++) {
-        const struct counter *is = &now->frames.list[i], *was = find(&before->frames, is->name);
+        const struct counter *is = &now->frames.list[i], *was = frames_find(&before->frames, is->name);
         if (is->kind == RECORDER && is->lost > (was ? was->lost : 0))
             return because(BAD, reason, "%s loses frames", is->name);
         if (!former->known && is->kind != LOGGER && was && was->passed && is->passed <= was->passed &&

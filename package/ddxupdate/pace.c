@@ -1,7 +1,6 @@
 /* SPDX-License-Identifier: GPL-2.0-or-later */
 #include "pace.h"
 
-#include <string.h>
 #include <time.h>
 
 static const double LOOK = 0.25, RATE = 1, LONGEST = 60; /* s: between looks, to measure a rate over, of a wait */
@@ -21,10 +20,9 @@ void pace_sleep(double seconds) {
 
 /* Whether more than a second of the frames that this program takes wait for the disk. */
 static bool is_late(const struct counter *now, const struct frames *then, double passed) {
-    for (unsigned i = 0; i < then->count; i++)
-        if (!strcmp(then->list[i].name, now->name))
-            return (double)now->waiting * passed > (double)(now->taken - then->list[i].taken);
-    return false;
+    const struct counter *was = frames_find(then, now->name);
+
+    return was && (double)now->waiting * passed > (double)(now->taken - was->taken);
 }
 
 static void look(struct pace *pace, double now) {

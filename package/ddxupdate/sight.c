@@ -40,10 +40,9 @@ static void add(char words[WORDS_MAX], const char *name) {
 }
 
 static bool flows(const struct frames *before, const struct counter *now) {
-    for (unsigned i = 0; i < before->count; i++)
-        if (!strcmp(before->list[i].name, now->name))
-            return now->passed > before->list[i].passed;
-    return false;
+    const struct counter *was = frames_find(before, now->name);
+
+    return was && now->passed > was->passed;
 }
 
 void former_make(struct former *former, const struct sight *before, const struct sight *now) {
