@@ -93,6 +93,10 @@ void block_came_up(struct block *block, char here) {
         block->failed = 0;
 }
 
+bool block_is_trial(const struct block *block, char here) {
+    return block->left && block->slot == here;
+}
+
 char block_other(char slot) {
     return slot == 'A' ? 'B' : 'A';
 }

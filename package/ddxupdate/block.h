@@ -27,6 +27,9 @@ bool block_has(const struct block *block, const char *line);
 /* Report that slot `here` has come up. */
 void block_came_up(struct block *block, char here);
 
+/* Whether slot `here`, which runs, is the chosen one and on trial. */
+bool block_is_trial(const struct block *block, char here);
+
 /* The slot besides this one. */
 char block_other(char slot);
 

@@ -72,7 +72,7 @@ int command_block(const struct request *request) {
             restore(place, &block);
         else if (place->counted[0] && !block_has(&block, place->counted))
             place_note(place->wrong, "the boot loader has not counted this boot" STAYS);
-        if (!lost && block.left && block.slot == place->here) {
+        if (!lost && block_is_trial(&block, place->here)) {
             boot_close(&boot);
             return TRIAL;
         }

@@ -30,7 +30,7 @@ int check_machine(const struct place *place) {
 }
 
 int check_no_trial(const struct place *place, const struct block *block) {
-    if (block->left && block->slot == place->here)
+    if (block_is_trial(block, place->here))
         return fail(2, "this version is on trial; wait for its end, or decide: ddxctl update keep, or back");
     return 0;
 }

@@ -36,7 +36,7 @@ static int check_trial(const struct request *request) {
 
     if (!status)
         status = choose_read(request, &block);
-    if (!status && (!block.left || block.slot != request->place.here))
+    if (!status && !block_is_trial(&block, request->place.here))
         status = fail(2, "no version is on trial");
     return status;
 }

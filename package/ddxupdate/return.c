@@ -20,7 +20,7 @@ int command_return(const struct request *request) {
 
     if (!place->here || choose_read(request, &block))
         return fail(1, "the boot loader's block cannot be read, so this version stays");
-    if (!block.left || block.slot != place->here)
+    if (!block_is_trial(&block, place->here))
         return fail(1, "no version is on trial");
     if (!release_of_slot(request->slots[other - 'A'], place->mount, &release))
         return fail(1, "slot %c has no version to go back to, so this one stays", other);

@@ -91,7 +91,7 @@ int command_back(const struct request *request) {
         status = choose_read(request, &block);
     if (status)
         return status;
-    if (!block.left || block.slot != request->place.here)
+    if (!block_is_trial(&block, request->place.here))
         return try_other(request, true);
     status = take_back(request, "a technician has taken it back");
     if (!status)

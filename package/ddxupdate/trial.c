@@ -5,7 +5,6 @@
  * version back; a machine that hangs is reset by the watchdog, and its loader counts.
  */
 #include <stdio.h>
-#include <string.h>
 
 #include "checks.h"
 #include "choose.h"
@@ -51,7 +50,7 @@ static enum verdict look(struct trial *trial, const struct place *place) {
 static bool is_over(const struct request *request) {
     struct block block;
 
-    return !choose_read(request, &block) && !(block.left && block.slot == request->place.here);
+    return !choose_read(request, &block) && !block_is_trial(&block, request->place.here);
 }
 
 /* 0: kept, or decided by a person; 1: to be taken back. */
@@ -87,7 +86,7 @@ int command_trial(const struct request *request) {
         return fail(1, "%s: names no board or no version", place->release);
     if (choose_read(request, &block))
         return 1;
-    if (!block.left || block.slot != place->here)
+    if (!block_is_trial(&block, place->here))
         return fail(2, "no version is on trial");
     rules_read(&trial.rules, place);
     former_read(&trial.former, place, running.version);
