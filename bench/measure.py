@@ -143,6 +143,10 @@ def cpus() -> list[int]:
     return sorted(os.sched_getaffinity(0))
 
 
+class Starved(Failed):
+    """A reader took fewer than two frames, and the slice's programs waited for a core for most of the time."""
+
+
 names = (f"bench-{os.getpid()}-{number}" for number in itertools.count())
 
 
@@ -177,12 +181,15 @@ def run_slice(case: Case, peer: str, folder: pathlib.Path, store: Store, warm_up
         for program in [*writers, *readers]:
             program.end()
     reader_cpu = [found["cpu_ns"] / (found["frames"] - 1) / 1000 for found in read if found["frames"] > 1]
+    queued = sum(found["queued_ns"] for found in wrote + read) / 1e6
     if not reader_cpu:
-        raise Failed(f"{peer}: {case.name}: nothing arrives")
+        raise (Starved if queued > seconds * 1000 / 2 else Failed)(
+            f"{peer}: {case.name}: of {case.frames} frames, {max(found['frames'] for found in read)} arrive; "
+            f"waited {queued:.0f} ms of {seconds * 1000:.0f} ms for a core")
     writer_cpu = statistics.mean(found["cpu_ns"] / found["frames"] / 1000 for found in wrote)
     total = writer_cpu * case.writers + sum(reader_cpu)
     return Slice(latency=[ns / 1000 for found in read for ns in found["latency_ns"]], writer_cpu=writer_cpu,
                  reader_cpu=statistics.mean(reader_cpu),
                  percent=100 * (total / case.interval + store_cpu / 1e9 / seconds),
                  lost=sum(found["lost"] for found in read), torn=sum(found["torn"] for found in read),
-                 queued=sum(found["queued_ns"] for found in wrote + read) / 1e6)
+                 queued=queued)
