@@ -23,7 +23,8 @@ from .noise import Noise, noisy
 
 BOARD = os.environ.get("BOARD") or machine.DEV
 MACHINES = machine.machines(BOARD)
-# The development image's kernel and loader are not the product's: with its second firmware, run only these.
+# The development image's kernel and loader are not the product's: with its second firmware, run only these. With the
+# first one, the gate boots past a damaged slot in test_rescue.py, so that these are `long`.
 OFTEN = ("test_slots.py",)
 WORK = OUTPUT / "test" / BOARD / os.environ.get("PYTEST_XDIST_WORKER", "")
 # Tests that share one of these guests run in one process; other tests are grouped by file.
@@ -64,6 +65,10 @@ def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item
     second = [f"[{one.firmware}" for one in MACHINES[1:]]
     dropped = [item for item in items if BOARD == machine.DEV and item.path.name not in OFTEN
                and any(name in item.name for name in second)]
+    if BOARD == machine.DEV and second:
+        for item in items:
+            if item.path.name in OFTEN and f"[{MACHINES[0].firmware}" in item.name:
+                item.add_marker(pytest.mark.long)
     config.hook.pytest_deselected(items=dropped)
     items[:] = sorted((item for item in items if item not in dropped), key=turn)
 

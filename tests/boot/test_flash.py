@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-2.0-or-later
-"""A disk full of old data boots after it was flashed; a second disk in the machine is not touched."""
+"""A disk full of old data boots after it was flashed; other disks in the machine are not touched."""
 import os
 import pathlib
 import subprocess
@@ -48,22 +48,23 @@ def flashed(image: pathlib.Path, tmp_path_factory: pytest.TempPathFactory) -> It
     disk.unlink()
 
 
-# The booted disk is vda and the second one sda, which sorts before it; then the reverse.
-@pytest.mark.parametrize("bus, other, name", [
-    ("virtio", ("-device", "qemu-xhci", "-device", "usb-storage,drive=other"), "vda"),
-    ("usb", ("-device", "virtio-blk-pci,drive=other", "-global", "usb-storage.bootindex=0"), "sda")])
 def test_a_flashed_disk_boots_and_serves(image: pathlib.Path, flashed: pathlib.Path, accel: str, board: Machine,
-                                         tmp_path: pathlib.Path, bus: str, other: tuple[str, ...], name: str) -> None:
-    strange = tmp_path / "strange.qcow2"
-    # The second disk: the image itself, with the same labels, and a ddx.txt that opens no console.
-    run(["qemu-img", "create", "-q", "-f", "qcow2", "-F", "raw", "-b", image.resolve(), strange])
-    extra = ("-drive", f"if=none,id=other,file={strange},format=qcow2", *other)
+                                         tmp_path: pathlib.Path) -> None:
+    """The booted disk is sda. One of the others, nvme0n1, sorts before it, and one, vda, after it."""
+    # The others: the image itself, with the same labels, and a ddx.txt that opens no console.
+    extra: tuple[str, ...] = ("-global", "usb-storage.bootindex=0")
+    for other, device in [("first", "nvme,serial=other"), ("last", "virtio-blk-pci")]:
+        strange = tmp_path / f"{other}.qcow2"
+        run(["qemu-img", "create", "-q", "-f", "qcow2", "-F", "raw", "-b", image.resolve(), strange])
+        extra += ("-drive", f"if=none,id={other},file={strange},format=qcow2", "-device", f"{device},drive={other}")
     # The machine gets no settings but those that were flashed.
-    with Guest(flashed, accel, board, console=False, extra=extra, bus=bus) as guest:
+    with Guest(flashed, accel, board, console=False, extra=extra, bus="usb") as guest:
         assert guest.sh("hostname") == "flashed"
-        guest.wait_until('[ "$(blkid | grep -c DDXDATA)" = 2 ]')
+        guest.wait_until('[ "$(blkid | grep -c DDXDATA)" = 3 ]')
+        for disk in ("nvme0n1", "sda", "vda"):
+            guest.sh(f"test -b /dev/{disk}")
         for folder in ["/data", "/rec"]:
-            assert guest.sh(f"grep ' {folder} ' /proc/mounts").startswith(f"/dev/{name}")
+            assert guest.sh(f"grep ' {folder} ' /proc/mounts").startswith("/dev/sda")
             guest.sh(f"touch {folder}/file")
         for program in ["ddxstore", "ddxvideosave"]:
             guest.wait_until(f"/etc/init.d/S*{program} status")

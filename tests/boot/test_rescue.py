@@ -3,8 +3,11 @@
 
 import pytest
 
+from parts.disk.disk import Disk
 from parts.guest.channel import Timeout
 from parts.guest.qemu import USERSPACE, Boot, Guest
+
+from .test_slots import fill_slot_b, spoil
 
 pytestmark = pytest.mark.retry
 
@@ -41,12 +44,18 @@ def choose(guest: Guest) -> None:
     menu.close()  # a connected client that does not read stops the guest
 
 
+def spoilt_a(disk: Disk) -> None:
+    fill_slot_b(disk)
+    spoil(disk, "A")
+
+
 def test_rescue_starts_no_service_and_mounts_nothing(boot: Boot) -> None:
-    with boot("rescue", serial=True, environment=("left=3",)) as guest:
+    """In slot B, since the chosen one cannot be read."""
+    with boot("rescue", serial=True, environment=("left=3",), prepare=spoilt_a) as guest:
         choose(guest)
         guest.shell()
         words = guest.sh("cat /proc/cmdline").split()
-        assert "ddx.rescue" in words and "ddx.slot=A" in words
+        assert "ddx.rescue" in words and "ddx.slot=B" in words
         for folder in ["/data", "/rec"]:
             assert guest.shell().run(f"mountpoint -q {folder}")[0] != 0, folder
         assert guest.shell().run("pidof ddxstore ddxvideosave ddxvideoload resize2fs")[0] != 0
