@@ -225,7 +225,7 @@ def recorder(boot: qemu.Boot, work: pathlib.Path, clip: pathlib.Path, stick: pat
 def closed(boot: qemu.Boot, board: Machine) -> Iterator[qemu.Guest]:
     """A guest as flashed: nothing provisioned, no test disk. Its boot before did not come up, and a device sends on its
     serial line from power-on."""
-    with boot("closed", console=False, environment=("begun=1",)) as running, \
+    with boot("closed", console=False, environment=("begun=1",), processors=1) as running, \
             noisy(running, board.firmware) as talk:
         NOISE[running] = talk
         with kept(running):

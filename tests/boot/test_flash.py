@@ -58,7 +58,7 @@ def test_a_flashed_disk_boots_and_serves(image: pathlib.Path, flashed: pathlib.P
         run(["qemu-img", "create", "-q", "-f", "qcow2", "-F", "raw", "-b", image.resolve(), strange])
         extra += ("-drive", f"if=none,id={other},file={strange},format=qcow2", "-device", f"{device},drive={other}")
     # The machine gets no settings but those that were flashed.
-    with Guest(flashed, accel, board, console=False, extra=extra, bus="usb") as guest:
+    with Guest(flashed, accel, board, console=False, extra=extra, bus="usb", processors=1) as guest:
         assert guest.sh("hostname") == "flashed"
         guest.wait_until('[ "$(blkid | grep -c DDXDATA)" = 3 ]')
         for disk in ("nvme0n1", "sda", "vda"):

@@ -51,7 +51,7 @@ def spoilt_a(disk: Disk) -> None:
 
 def test_rescue_starts_no_service_and_mounts_nothing(boot: Boot) -> None:
     """In slot B, since the chosen one cannot be read."""
-    with boot("rescue", serial=True, environment=("left=3",), prepare=spoilt_a) as guest:
+    with boot("rescue", serial=True, environment=("left=3",), prepare=spoilt_a, processors=1) as guest:
         choose(guest)
         guest.shell()
         words = guest.sh("cat /proc/cmdline").split()

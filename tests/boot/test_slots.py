@@ -49,7 +49,7 @@ def damaged(boot: Boot, image: pathlib.Path) -> Iterator[Guest]:
         for number in (5, 6):
             disk.write(mbr.partition(image, number).begin + 1024, bytes(1024))
 
-    with boot("slots", prepare=damage, environment=("slot=B", "left=0")) as guest:
+    with boot("slots", prepare=damage, environment=("slot=B", "left=0"), processors=1) as guest:
         guest.shell()
         yield guest
 

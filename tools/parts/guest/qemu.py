@@ -49,7 +49,8 @@ class Guest(Robot):
 
     `more_memory` (MiB) is added to the machine's, `size` (bytes) makes the disk larger than the image, `prepare`
     changes the disk before the boot, `keep` is a folder that outlives the guest, so that the next one has the same
-    disk, `writes` is a file for a log of all writes to the disk (blocklog.py), `bus` is the disk's (machine.py)."""
+    disk, `writes` is a file for a log of all writes to the disk (blocklog.py), `bus` is the disk's (machine.py). With
+    one of `processors` an emulated boot takes less of the host's time: two of them wait for each other."""
 
     started = 0  # number of guests that this process started
     alive: ClassVar[list["Guest"]] = []
@@ -62,7 +63,8 @@ class Guest(Robot):
                  serial: bool = False, screen: bool = False, provision: str = "", environment: tuple[str, ...] = (),
                  test_disk: pathlib.Path | None = None, more_memory: int = 0, log: pathlib.Path | None = None,
                  extra: tuple[str, ...] = (), size: int = 0, prepare: Callable[[Disk], None] | None = None,
-                 keep: pathlib.Path | None = None, writes: pathlib.Path | None = None, bus: str = "") -> None:
+                 keep: pathlib.Path | None = None, writes: pathlib.Path | None = None, bus: str = "",
+                 processors: int = 2) -> None:
         self.folder = pathlib.Path(tempfile.mkdtemp(prefix="ddx-", dir=os.environ.get("TMPDIR", "/tmp")))
         with contextlib.ExitStack() as undo:
             undo.callback(shutil.rmtree, self.folder, ignore_errors=True)
@@ -79,7 +81,7 @@ class Guest(Robot):
             if prepare:
                 prepare(disk)
             self._command = [*MORTAL, *self.machine.arguments(self.folder, more_memory),
-                             *self._devices(accel), *_drive(disk, self.machine, writes, test_disk), *extra]
+                             *self._devices(accel, processors), *_drive(disk, self.machine, writes, test_disk), *extra]
             self._again = BOOTS_AGAIN
             self._paused = False
             self._disk, self._before, self._writes = disk.path, self.folder / "before.qcow2", writes
@@ -89,10 +91,11 @@ class Guest(Robot):
             undo.pop_all()
         Guest.alive.append(self)
 
-    def _devices(self, accel: str) -> list[str]:
+    def _devices(self, accel: str, processors: int) -> list[str]:
         words = [
-            "-accel", accel, "-smp", "2", "-nodefaults", "-no-user-config", "-no-reboot", "-display", "none",
-            "-vga", "std", "-rtc", "base=utc", "-device", "virtio-rng-pci", "-device", "virtio-serial-pci",
+            "-accel", accel, "-smp", str(processors), "-nodefaults", "-no-user-config", "-no-reboot",
+            "-display", "none", "-vga", "std", "-rtc", "base=utc",
+            "-device", "virtio-rng-pci", "-device", "virtio-serial-pci",
             "-chardev", f"socket,id=ttyS0,path={self.folder}/ttyS0,server=on,wait=off,logfile={self.log}",
             "-serial", "chardev:ttyS0",
             "-chardev", f"socket,id=qmp,path={self.folder}/qmp,server=on,wait=off", "-mon", "chardev=qmp,mode=control"]
