@@ -13,12 +13,14 @@ from lib import evidence, firewire
 from parts.common import OUTPUT, run
 from parts.disk import disk
 from parts.guest import machine, qemu, session, testdisk
+from parts.guest.laptop import free_port
 from parts.guest.machine import Machine
 from parts.image import native
 from parts.media import clip as default_clip
 from parts.testing import suite
 
-from . import camera, iidc
+from . import camera, iidc, networked
+from .networked import Robot, Streamed
 from .noise import Noise, noisy
 
 BOARD = os.environ.get("BOARD") or machine.DEV
@@ -29,9 +31,9 @@ OFTEN = ("test_slots.py",)
 WORK = OUTPUT / "test" / BOARD / os.environ.get("PYTEST_XDIST_WORKER", "")
 # Tests that share one of these guests run in one process; other tests are grouped by file.
 SHARED = {"guest": "clip", "recorded": "clip", "closed": "clip", "camera_guest": "camera", "bus_guest": "bus",
-          "recorder": "recorder"}
+          "recorder": "recorder", "robot": "network", "streamed": "network"}
 # Groups that take longest. They come first, so that no process waits for the other one's long group at the end.
-LONGEST = ("clip", "bus", "camera", "recorder", "test_flash.py", "test_ssh.py", "test_network.py", "test_stream.py")
+LONGEST = ("clip", "bus", "camera", "recorder", "network", "test_flash.py")
 CARD = 32 << 30    # bytes; the disk of `recorder`
 STICK_MB = 64
 SLOW = 3_000_000   # bytes a second: slow enough to pull the stick out in time
@@ -246,3 +248,23 @@ def recorded(guest: qemu.Guest, short_clip: pathlib.Path, work: pathlib.Path) ->
     result = session.collect(guest, short_clip, work / "recorded.y4m")
     guest.sh("mount -o remount,rw /rec && /etc/init.d/S*ddxvideosave start")
     return result
+
+
+@pytest.fixture(scope="session")
+def robot(boot: qemu.Boot, work: pathlib.Path, tmp_path_factory: pytest.TempPathFactory) -> Iterator[Robot]:
+    """A guest in a network. Its recorder is off, and its loader waits for three readers of the clip."""
+    folder, port = tmp_path_factory.mktemp("robot"), free_port()
+    networked.make_keys(folder)
+    clip = default_clip.write(work / "stream.y4m", networked.CLIP_SECONDS)
+    provision = f"{networked.PROVISION}ssh_key={(folder / f'{networked.KEYS[0]}.pub').read_text()}"
+    with boot("robot", provision=provision, test_disk=testdisk.make(work / "stream.img", clip, networked.SETTINGS),
+              keep=folder, extra=networked.cards(port)) as running:
+        running.shell()
+        with kept(running):
+            yield Robot(running, port, folder)
+
+
+@pytest.fixture(scope="session")
+def streamed(robot: Robot, work: pathlib.Path) -> Streamed:
+    """The clip, recorded by that guest and shown from the network."""
+    return networked.stream(robot.guest, work / "stream.y4m", work / "stream-recorded.y4m")

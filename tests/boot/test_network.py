@@ -2,7 +2,6 @@
 """ddx.txt sets network, clock and services; wrong lines are reported; without it the network is off."""
 import pathlib
 import time
-from collections.abc import Iterator
 
 import pytest
 
@@ -11,34 +10,17 @@ from parts.guest.qemu import Boot, Guest
 from parts.media import clip as default_clip
 
 from . import camera
+from .networked import WRONG, WRONG_LINE, Robot
 from .segment import Segment
 from .test_control import run, runs, services
 from .test_privileges import unconfined
 
 pytestmark = pytest.mark.retry
 
-PROVISION = """\
-hostname=robot1
-network=eth0 dhcp
-network=eth1 192.168.7.2/24 192.168.7.1
-network=eth2 192.168.8.300/24
-service=ddxvideosend on
-service=ddxvideosave off
-ntp=192.168.7.1
-"""
-WRONG_LINE = 1 + 4  # one line that opens the console comes first
-
-
-def cards(*numbers: int) -> tuple[str, ...]:
-    return tuple(word for number in numbers for word in (
-        "-netdev", f"user,id=net{number},ipv6=off", "-device", f"virtio-net-pci,netdev=net{number},id=card{number}"))
-
 
 @pytest.fixture(scope="module")
-def provisioned(boot: Boot) -> Iterator[Guest]:
-    with boot("network", provision=PROVISION, extra=cards(0, 1, 2)) as guest:
-        guest.shell()
-        yield guest
+def provisioned(robot: Robot) -> Guest:
+    return robot.guest
 
 
 def test_interfaces_are_as_provisioned(provisioned: Guest) -> None:
@@ -51,7 +33,7 @@ def test_interfaces_are_as_provisioned(provisioned: Guest) -> None:
 
 
 def test_a_wrong_line_is_reported(provisioned: Guest) -> None:
-    text = f"ddx.txt, line {WRONG_LINE}: network=eth2 192.168.8.300/24: dhcp is needed, or an address"
+    text = f"ddx.txt, line {WRONG_LINE}: {WRONG}: dhcp is needed, or an address"
     provisioned.wait_for_log(text.encode())
     status, screen = run(provisioned, "ddxctl health")
     assert status == 1 and f"! ddx.txt    line {WRONG_LINE}: " in screen

@@ -4,65 +4,27 @@ import contextlib
 import pathlib
 import re
 import socket
-import subprocess
-from collections.abc import Iterator
 
 import pytest
 
 from lib import manifest
 from parts.common import PATIENCE, run
-from parts.guest import session, testdisk
-from parts.guest.laptop import forward, free_port
-from parts.guest.qemu import Boot, Guest
-from parts.media import clip as default_clip
+from parts.guest.laptop import forward
+from parts.guest.qemu import Boot
 from parts.media.recording import FileSystem
 
+from .networked import Robot, Streamed
 from .test_control import runs
 
 pytestmark = pytest.mark.retry
 
-SECONDS = 4
 WAITING = 5  # connections of an address that have not logged in: dropbear's own limit
 
 
-class Robot:
-    """The guest, seen from the network."""
-
-    def __init__(self, guest: Guest, port: int, folder: pathlib.Path) -> None:
-        self.guest, self.port, self.folder = guest, port, folder
-
-    def options(self, key: str) -> list[str]:
-        words = ["BatchMode=yes", "IdentitiesOnly=yes", f"IdentityFile={self.folder / key}", "ConnectTimeout=30",
-                 f"UserKnownHostsFile={self.folder}/known_hosts", "StrictHostKeyChecking=accept-new"]
-        return ["-F", "none", *(part for word in words for part in ("-o", word))]
-
-    def ssh(self, *command: str, key: str = "mine") -> "subprocess.CompletedProcess[str]":
-        words = ["ssh", *self.options(key), "-p", str(self.port), "root@127.0.0.1", *command]
-        return subprocess.run(words, capture_output=True, text=True, check=False, timeout=PATIENCE)
-
-
-@pytest.fixture(scope="module")
-def place(tmp_path_factory: pytest.TempPathFactory) -> pathlib.Path:
-    folder = tmp_path_factory.mktemp("ssh")
-    for name in ("mine", "other"):
-        run(["ssh-keygen", "-q", "-t", "ed25519", "-N", "", "-C", name, "-f", folder / name])
-    return folder
-
-
-@pytest.fixture(scope="module")
-def robot(boot: Boot, work: pathlib.Path, place: pathlib.Path) -> Iterator[Robot]:
-    clip = default_clip.write(work / "ssh.y4m", SECONDS)
-    disk = testdisk.make(work / "ssh.img", clip)
-    port = free_port()
-    provision = f"network=eth0 dhcp\nssh_key={(place / 'mine.pub').read_text()}" \
-                "service=ddxdecode on\nservice=ddxvideosend on\nservice=ddxcatalog on\n" \
-                "panel=open-sesame-42\n"
-    with boot("ssh", provision=provision, test_disk=disk, keep=place, extra=forward(port)) as guest:
-        guest.shell()
-        session.wait_for_clip(guest, SECONDS * default_clip.RATE)
-        session.stop_recorder(guest)
-        guest.wait_until("netstat -tln | grep -q :22")
-        yield Robot(guest, port, place)
+@pytest.fixture(scope="module", autouse=True)
+def has_recording(robot: Robot, streamed: Streamed) -> None:
+    """There is a recording to be copied."""
+    robot.guest.wait_until("netstat -tln | grep -q :22")
 
 
 def test_the_provisioned_key_logs_in(robot: Robot) -> None:
@@ -110,6 +72,7 @@ def test_scp_copies_recordings(robot: Robot, tmp_path: pathlib.Path, protocol: s
 
 
 def test_only_declared_ports_listen(robot: Robot) -> None:
+    robot.guest.sh("ddxctl enable ddxdecode; sv down /run/service/ntp")  # a question about the time has a port, too
     for name in ("ddxdecode", "ddxvideosend"):
         runs(robot.guest, name)
     robot.guest.wait_until("netstat -uln | grep -q :7411")
