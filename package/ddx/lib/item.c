@@ -11,10 +11,9 @@
 #include <unistd.h>
 
 #include "keeper.h"
-#include "reader_role.h"
+#include "roles.h"
 #include "receive.h"
 #include "writer.h"
-#include "writer_role.h"
 
 #define OPEN_STEP 20000000 /* ns between attempts to reach the store */
 

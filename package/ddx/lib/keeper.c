@@ -13,7 +13,7 @@
 #include "receive.h"
 #include "handle.h"
 #include "reader.h"
-#include "writer_role.h"
+#include "roles.h"
 
 #define SOON DDX_QUEUE_PAUSE /* ms until the keeper tries an item again that its owner is using */
 

@@ -19,7 +19,12 @@
 #include <stddef.h>
 #include <stdint.h>
 
-#include "hot.h"
+/*
+ * When a frame comes, the code that delivers it is usually not in the cache. So the functions of the frame path are
+ * placed side by side, without rarely used code between them.
+ */
+#define DDX_HOT __attribute__((hot))
+#define DDX_COLD __attribute__((cold, noinline))
 
 #define DDX_LAYOUT_VERSION 2u
 #define DDX_CONTROL_MAGIC 0x43584444u /* "DDXC" */

@@ -8,7 +8,7 @@
 #include <sys/stat.h>
 #include <unistd.h>
 
-#include "hot.h"
+#include "layout.h"
 
 #define FIXED_SIZE (F_SEAL_SHRINK | F_SEAL_GROW)
 #define HUGE ((uint64_t)2 << 20) /* bytes mapped by one page table; moving whole page tables is cheap */

@@ -8,7 +8,7 @@
 #include "handle.h"
 #include "fault.h"
 #include "futex.h"
-#include "reader_role.h"
+#include "roles.h"
 #include "receive.h"
 
 #define AGAIN_WAIT 10000000    /* ns between requests to attach */

@@ -10,8 +10,7 @@
 #include "handle.h"
 #include "fault.h"
 #include "futex.h"
-#include "reader_role.h"
-#include "writer_role.h"
+#include "roles.h"
 
 /* ---- After a restart of the store ---- */
 

@@ -10,7 +10,7 @@
 #include "futex.h"
 #include "receive.h"
 #include "handle.h"
-#include "writer_role.h"
+#include "roles.h"
 
 #define REFUSAL 5 /* ms to wait for the store to refuse a reader whose pins cannot be checked */
 

@@ -1,5 +1,5 @@
 /* SPDX-License-Identifier: LGPL-2.1-or-later */
-#include "writer_role.h"
+#include "roles.h"
 
 #include <errno.h>
 #include <string.h>

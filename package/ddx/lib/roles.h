@@ -1,9 +1,11 @@
 /* SPDX-License-Identifier: LGPL-2.1-or-later */
-/* A handle's reader: its handling of the store's messages, and its end. With `lock` held. */
-#ifndef DDX_READER_ROLE_H
-#define DDX_READER_ROLE_H
+/* A handle's roles, reader and writer: their handling of the store's messages, and their end. With `lock` held. */
+#ifndef DDX_ROLES_H
+#define DDX_ROLES_H
 
 #include "handle.h"
+
+/* ---- Reader: reader_role.c ---- */
 
 /* Reserve a window that is large enough for `shown`. 0, or -errno. */
 int ddx_window_make(struct ddx_reader_role *reader, const struct ddx_layout *shown);
@@ -27,5 +29,24 @@ void ddx_reader_on_attached(struct ddx_reader_role *reader, struct ddx_packet *p
 void ddx_reader_saw(struct ddx_reader_role *reader, uint64_t sequence);
 void ddx_reader_follow(struct ddx_reader_role *reader); /* switch to the coming term, if no frame is held */
 void ddx_reader_end(struct ddx_reader_role *reader);
+
+/* ---- Writer: writer_role.c ---- */
+
+void ddx_writer_on_reader(DDX_STORE_ITEM *item, struct ddx_packet *packet);
+void ddx_writer_on_reader_gone(struct ddx_writer_role *writer, const struct ddx_message *m);
+
+/*
+ * Remove readers whose pin page no process holds any more: only leaving ones, or `all`. The store's READER_GONE is not
+ * sufficient, because the store may have disconnected a reader that was only stopped. True if any was removed.
+ */
+bool ddx_writer_forget(struct ddx_writer_role *writer, bool all);
+
+void ddx_writer_on_claimed(DDX_STORE_ITEM *item, struct ddx_packet *packet); /* its term begins */
+void ddx_writer_on_slot(DDX_STORE_ITEM *item, struct ddx_packet *packet);
+void ddx_writer_on_slot_told(struct ddx_writer_role *writer, const struct ddx_message *m); /* readers know it */
+void ddx_writer_on_done(struct ddx_writer_role *writer, const struct ddx_message *m);
+void ddx_writer_on_offered(struct ddx_writer_role *writer, const struct ddx_message *m);
+
+void ddx_writer_end(struct ddx_writer_role *writer);
 
 #endif
