@@ -1,9 +1,8 @@
 /* SPDX-License-Identifier: GPL-2.0-or-later */
 /* ddxupdate: the boot loader's block and the slots of the disk. Scripts call it; people use `ddxctl update`. */
-#include <descriptors.h>
+#include <startup.h>
 #include <stdio.h>
 #include <string.h>
-#include <version.h>
 
 #include "command.h"
 #include "message.h"

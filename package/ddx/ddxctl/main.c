@@ -12,8 +12,7 @@
 #include <time.h>
 #include <unistd.h>
 
-#include "../program/descriptors.h"
-#include "../program/version.h"
+#include "../program/startup.h"
 #include "ddx_stats.h"
 #include "ddxctl.h"
 

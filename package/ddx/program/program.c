@@ -13,8 +13,6 @@
 #include <time.h>
 
 #include "ddx_time.h"
-#include "descriptors.h"
-#include "version.h"
 
 #define PATIENCE (5 * SECOND) /* with readers that do not read */
 #define OPTIONS_MAX 24

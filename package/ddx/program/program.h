@@ -8,8 +8,8 @@
 #include <stdbool.h>
 #include <stdint.h>
 
-#include "exit_status.h"
 #include "signals.h"
+#include "startup.h"
 
 /* One line to stderr: "<program>: <message>". */
 __attribute__((format(printf, 1, 2))) void say(const char *format, ...);

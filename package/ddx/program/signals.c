@@ -7,7 +7,7 @@
 #include <time.h>
 #include <unistd.h>
 
-#include "exit_status.h"
+#include "startup.h"
 
 #define TICK_NS 100000000
 #define PATIENCE_TICKS 35 /* until waits for other programs (a pipe without a reader) end */

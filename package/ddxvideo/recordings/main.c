@@ -12,7 +12,6 @@
 
 #include "bytes.h"
 #include "ddx_time.h"
-#include "descriptors.h"
 #include "export.h"
 #include "find.h"
 #include "free_space.h"
@@ -20,7 +19,6 @@
 #include "read.h"
 #include "remove.h"
 #include "verify.h"
-#include "version.h"
 
 /* ---- Show ---- */
 
