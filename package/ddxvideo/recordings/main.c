@@ -10,14 +10,12 @@
 #include <time.h>
 #include <unistd.h>
 
+#include "actions.h"
 #include "bytes.h"
 #include "ddx_time.h"
-#include "export.h"
 #include "find.h"
 #include "free_space.h"
 #include "program.h"
-#include "read.h"
-#include "remove.h"
 #include "verify.h"
 
 /* ---- Show ---- */

@@ -1,5 +1,5 @@
 /* SPDX-License-Identifier: GPL-2.0-or-later */
-#include "export.h"
+#include "actions.h"
 
 #include <errno.h>
 #include <fcntl.h>
@@ -30,7 +30,7 @@ struct copy {
     int write_error; /* 0: the source failed */
 };
 
-/* ---- One file ---- */
+/* ---- Copy: one file ---- */
 
 static void show_progress(struct copy *copy) {
     int percent = (int)(copy->written * 100 / copy->from.bytes);
@@ -182,7 +182,7 @@ static int copy_file(const struct folder *folder, const struct found *found, con
     return error ? error : !good;
 }
 
-/* ---- All of them ---- */
+/* ---- Copy: all files ---- */
 
 /* Whether all files fit onto the medium. False after a line. */
 static bool has_room(const struct folder *folder, const bool *chosen, const char *path, int to) {
@@ -236,4 +236,129 @@ int export_files(const struct folder *folder, const bool *chosen, const char *pa
     }
     close(to);
     return copied == count && !doubtful ? EXIT_OK : EXIT_FAILED;
+}
+
+/* ---- Read ---- */
+
+/* `to`: the error of a write. */
+static int put(void *to, const unsigned char *bytes, size_t size) {
+    int *write_error = to;
+
+    return *write_error = bytes_write(STDOUT_FILENO, bytes, size);
+}
+
+int read_file(const struct folder *folder, const struct found *found, uint64_t from) {
+    struct found_use use;
+    int write_error = 0;
+
+    if (found->state >= FOUND_INTERRUPTED) {
+        say("%s: is not finished", found->shown);
+        return EXIT_FAILED;
+    }
+    if (from > found->bytes) {
+        say("%s: has %" PRIu64 " bytes only", found->shown, found->bytes);
+        return EXIT_USAGE;
+    }
+    int error = found_open(folder, found, &use);
+    if (!error && found_is_given_up(&use, found)) /* nothing of a new recording is written */
+        error = -EBUSY;
+    if (!error)
+        error = bytes_read_from(use.fd, use.direct, from, found->bytes, put, &write_error);
+    /* Without a hold (another user's pool) the bytes may be those of a new recording. */
+    if (!write_error && error != -EINTR && found_is_given_up(&use, found))
+        error = -EBUSY;
+    if (write_error)
+        say("standard output: %s", strerror(-error));
+    else if (error)
+        say("%s: %s", found->shown,
+            error == -EBUSY     ? "was given up for a new recording"
+            : error == -EINTR   ? "not read to its end, told to stop"
+            : error == -ENODATA ? "is shorter than its recording"
+                                : strerror(-error));
+    found_close(&use);
+    return error ? EXIT_FAILED : EXIT_OK;
+}
+
+/* ---- Remove ---- */
+
+/* A file outside the pool has no lock: a lease for reading is refused while another program writes it. */
+static int lease(const struct folder *folder, const struct found *found) {
+    int fd = openat(folder->fd, found->name, O_RDONLY | O_CLOEXEC | O_NOFOLLOW | O_NONBLOCK);
+
+    if (fd < 0)
+        return -errno;
+    if (!fcntl(fd, F_SETLEASE, F_RDLCK) || errno != EAGAIN) /* other errors: this file system has no leases */
+        return fd;
+    close(fd);
+    return -EBUSY;
+}
+
+/* A descriptor that keeps other programs from using the file until it is closed; -errno; -EBUSY: one uses it. */
+static int hold(const struct folder *folder, const struct found *found) {
+    if (found->state >= FOUND_INTERRUPTED)
+        return -EBUSY;
+    if (!found->id)
+        return lease(folder, found);
+    int fd = pool_hold_alone(folder->pool, found->id);
+    return fd == -EAGAIN ? -EBUSY : fd;
+}
+
+static const char *reason(const struct found *found, int error) {
+    if (error != -EBUSY)
+        return strerror(-error);
+    if (found->state == FOUND_INTERRUPTED)
+        return "its recording was interrupted; a recorder finishes it when it starts";
+    return found->state == FOUND_RECORDING || !found->id ? "is being recorded" : "is being copied or read";
+}
+
+/* 0 or -errno. The name remains that of this file: only this user gives names, and never one that was used. */
+static int remove_file(const struct folder *folder, const struct found *found) {
+    int held = hold(folder, found);
+    int error = held < 0 ? held : unlinkat(folder->fd, found->name, 0) ? -errno : 0;
+
+    if (held >= 0)
+        close(held);
+    return error;
+}
+
+/* Whether none of the files is in use. False after a line for each that is. */
+static bool all_free(const struct folder *folder, const bool *chosen) {
+    bool free = true;
+
+    for (unsigned i = 0; i < folder->count; i++) {
+        int held = chosen[i] ? hold(folder, &folder->file[i]) : -1;
+
+        if (held >= 0)
+            close(held);
+        if (!chosen[i] || held >= 0)
+            continue;
+        say("%s: not removed: %s", folder->file[i].shown, reason(&folder->file[i], held));
+        free = false;
+    }
+    return free;
+}
+
+int remove_files(const struct folder *folder, const bool *chosen) {
+    int status = EXIT_OK;
+
+    if (!all_free(folder, chosen)) {
+        say("nothing was removed");
+        return EXIT_FAILED;
+    }
+    for (unsigned i = 0; i < folder->count; i++) {
+        const struct found *found = &folder->file[i];
+        int error = chosen[i] ? remove_file(folder, found) : 0;
+
+        if (error) {
+            say("%s: not removed: %s", found->shown, reason(found, error));
+            status = EXIT_FAILED;
+        } else if (chosen[i]) {
+            printf("%s: removed\n", found->shown);
+        }
+    }
+    if (fsync(folder->fd)) {
+        say("%s", strerror(errno));
+        status = EXIT_FAILED;
+    }
+    return status;
 }
