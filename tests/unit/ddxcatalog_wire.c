@@ -5,7 +5,6 @@
 #include "envelope.h"
 #include "name.h"
 #include "offset.h"
-#include "sha256.h"
 #include "standard.h"
 #include "typehash.h"
 
