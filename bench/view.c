@@ -10,8 +10,7 @@
 #include <string.h>
 #include <time.h>
 
-#include "input.h"
-#include "picture.h"
+#include "view.h"
 
 #define WIDTH 640
 #define HEIGHT 480

@@ -1,5 +1,5 @@
 /* SPDX-License-Identifier: GPL-2.0-or-later */
-#include "control.h"
+#include "view.h"
 
 #include <inttypes.h>
 #include <stdlib.h>

@@ -4,10 +4,7 @@
 #include <signal.h>
 #include <stdlib.h>
 
-#include "control.h"
-#include "input.h"
 #include "network.h"
-#include "picture.h"
 #include "program.h"
 #include "surface.h"
 #include "view.h"

@@ -1,5 +1,5 @@
 /* SPDX-License-Identifier: GPL-2.0-or-later */
-/* The viewer's state. */
+/* The viewer's state, and its parts. */
 #ifndef DDXVIDEO_VIEW_H
 #define DDXVIDEO_VIEW_H
 
@@ -59,5 +59,40 @@ void view_name(struct view *view);
 
 /* Whether a live source has given no picture for long. */
 bool view_is_stalled(struct view *view);
+
+/* ---- control.c: chooses the frame to show, by keys and by time ---- */
+
+void control_pause(struct view *view);
+/* Pause, and step by this number of frames, forward or back. */
+void control_step(struct view *view, int frames);
+void control_seconds(struct view *view, int seconds);
+/* Go to the oldest (-1) or the newest (1) frame. */
+void control_end(struct view *view, int direction);
+/* Open the next (1) or previous (-1) video item of the store. */
+void control_item(struct view *view, int direction);
+
+/* Show the frame that is due now. */
+void control_advance(struct view *view);
+
+/* ms until the next frame of a file is due; at most `most`. */
+int control_wait(struct view *view, int most);
+
+/* ---- input.c: keys and pointer ---- */
+
+void input_handle(struct view *view, const struct surface_event *event);
+
+/* The list of the keys, several lines. */
+const char *input_help(void);
+
+/* ---- picture.c: the window's content ---- */
+
+/* Draw everything. False, after a line, if the surface is gone. */
+bool picture_draw(struct view *view);
+
+/* The same, on a canvas. */
+void picture_paint(struct view *view, const struct canvas *canvas);
+
+/* The size of a window for a picture of this kind, with the status below it. */
+void picture_size(const struct ddxvideo_geometry *geometry, int *width, int *height);
 
 #endif
