@@ -56,10 +56,10 @@ class Segment:
         return next((way.flows[port] for way in self._ways if port in way.flows), Flow())
 
     def _relay(self, end: int, frame: bytes) -> None:
-        way, port, copies = self._ways[end], udp_port(frame), 1
+        way, port, packets = self._ways[end], udp_port(frame), [frame]
         if port in (MEDIA, REPORTS, REPAIR):
-            copies = way.copies(port, len(frame) - ETHERNET, time.monotonic())
-        for _ in range(copies):
+            packets, _ = way.take(port, frame, len(frame) - ETHERNET, time.monotonic())
+        for frame in packets:
             try:
                 self._sockets[way.target].sendto(frame, str(self.folder / f"guest{way.target}"))
             except OSError:

@@ -2,6 +2,7 @@
 """The lossy link drops exactly the packets of its pattern; its counts are those of both ends."""
 from __future__ import annotations
 
+import collections
 import itertools
 import json
 import pathlib
@@ -12,6 +13,7 @@ import sys
 import pytest
 
 from parts.link import loss
+from parts.link.faults import ADDED, FAULTS, LATE, OVERTAKE
 from parts.link.link import Counts, Link, Node, Way
 from parts.link.relay import Flow
 from parts.link.relay import Way as RelayWay
@@ -23,6 +25,7 @@ pytestmark = pytest.mark.retry
 PEER = (sys.executable, "-B", "-S", str(pathlib.Path(__file__).with_name("udp_peer.py")))
 PORT, GROUP = 8000, "239.255.20.5"
 COUNT, SIZE, HEADERS = 1500, 100, 28
+FRAME = bytes(14 + HEADERS + SIZE)
 PATTERNS = [loss.NOTHING, loss.EveryThird(), loss.Iid(0.3), loss.Bursts(0.3), loss.Outages(0.3, 2),
             loss.Outages(0.3, 2, together=True)]
 Peer = subprocess.Popen[str]
@@ -42,7 +45,7 @@ def sender(node: Node, *words: object) -> Peer:
 def came(peer: Peer, delay_ms: float = 0) -> list[int]:
     """The numbers that a receiver saw; none may be earlier than possible."""
     found: dict[str, list[int]] = json.loads(peer.communicate()[0])
-    assert all(transit >= delay_ms * 1e6 for transit in found["transit_ns"])
+    assert all(transit >= delay_ms * 1e6 for transit in found["transit_ns"]) and not found["changed"]
     return found["numbers"]
 
 
@@ -145,15 +148,46 @@ def test_ipv6() -> None:
         assert link.counts().down[0].ports[PORT] == Flow(30, 30 * (SIZE + 48), 10, 20, 20 * (SIZE + 48))
 
 
+@pytest.mark.parametrize("address, headers", [("", HEADERS), ("fd20::2", HEADERS + 20)], ids=["IPv4", "IPv6"])
+def test_faults_are_those_that_a_receiver_sees(address: str, headers: int) -> None:
+    """Each packet in, and each fault, is in the receiver's counts: the kernel drops what has a wrong checksum."""
+    with Link(seed=3) as link:
+        link.turn(dict.fromkeys([*FAULTS, *ADDED], loss.Iid(0.1)), {})
+        peer = receiver(link.operator[0], PORT)
+        assert sender(link.robot, address or link.operator[0].address, PORT, COUNT, SIZE).wait() == 0
+
+        def done() -> bool:
+            way = link.counts().down[0]
+            return way.packets == COUNT == way.delivered + way.did["drop"] - way.did["duplicate"]
+
+        wait_until(done)
+        way = link.counts().down[0]
+        found = json.loads(peer.communicate()[0])
+    did = way.did
+    assert min(did.values()) > 50 and (way.lost, way.packets) == (did["drop"], COUNT)
+    assert way.bytes == COUNT * (SIZE + headers)
+    numbers, repeated = found["numbers"], collections.Counter(found["numbers"])
+    assert len(repeated) == COUNT - did["drop"] - did["damage"] and max(repeated.values()) == 2
+    assert len(numbers) == len(repeated) + did["duplicate"]
+    assert len(found["changed"]) == sum(did[name] for name in ("damage", *ADDED))
+    assert found["changed"].count(SIZE) >= did["damage"] and max(found["changed"]) > SIZE
+    late = [transit >= LATE * 1e9 for transit in found["transit_ns"]]
+    assert sum(late) >= did["delay"]
+    in_time = [number for number, is_late in zip(numbers, late, strict=True) if not is_late]
+    overtaken = [sum(earlier > number for earlier in in_time[:at]) for at, number in enumerate(in_time)]
+    assert 0 < sum(map(bool, overtaken)) <= did["reorder"]
+    assert max(overtaken) <= 2 * OVERTAKE  # some were doubled
+
+
 @pytest.mark.strict
 def test_the_maximum_per_second() -> None:
     """In any interval of a second, not only in those of a clock."""
     way = RelayWay(0)
     for number in range(40):
-        assert way.copies(PORT, 100, number / 8) == 1
+        assert way.take(PORT, FRAME, 100, number / 8) == ([FRAME], [])
     assert way.peak == 8 * 100
     for now in (6.75, 7.0, 7.71875, 7.96875):
-        way.copies(PORT, 5000, now)
+        way.take(PORT, FRAME, 5000, now)
     assert way.peak == 3 * 5000
     assert way.flows == {PORT: Flow(44, 40 * 100 + 4 * 5000)}
 
@@ -162,7 +196,7 @@ def test_the_maximum_per_second() -> None:
 def test_a_way_loses_first_and_doubles_the_rest() -> None:
     way = RelayWay(0)
     way.lose(loss.EveryThird().judge(random.Random(1)), loss.EveryThird().judge(random.Random(2)))
-    copies = [way.copies(PORT, SIZE, number) for number in range(9)]
+    copies = [len(way.take(PORT, FRAME, SIZE, number)[0]) for number in range(9)]
     assert sorted(copies) == [0, 0, 0, 1, 1, 1, 1, 2, 2]
     assert way.flows[PORT] == Flow(9, 9 * SIZE, lost=3, doubled=2)
 

@@ -3,7 +3,7 @@
 """Numbered UDP packets: udp_peer.py send ADDRESS PORT COUNT SIZE [SECONDS], udp_peer.py receive PORT [GROUP]
 
 send: evenly over that time, by default as fast as a receiver can read. receive: prints `ready`, and when standard input
-is closed, the received numbers and the delay of each packet, as JSON.
+is closed, the received numbers, the delay of each packet, and the sizes of packets that are not as sent, as JSON.
 """
 import contextlib
 import json
@@ -12,6 +12,7 @@ import socket
 import struct
 import sys
 import time
+import zlib
 
 SO_RCVBUFFORCE = 33  # missing in Python's module
 BUFFER = 8 << 20
@@ -23,13 +24,14 @@ def send(address: str, port: int, count: int, size: int, seconds: float) -> None
     begin = time.monotonic()
     with socket.socket(family, socket.SOCK_DGRAM) as one:
         for number in range(count):
-            one.sendto(struct.pack("!Iq", number, time.monotonic_ns()).ljust(size, b"."), (address, port))
+            packet = struct.pack("!Iq", number, time.monotonic_ns()).ljust(size - 4, b".")
+            one.sendto(packet + struct.pack("!I", zlib.crc32(packet)), (address, port))
             if (early := begin + (number + 1) * seconds / count - time.monotonic()) > 1e-3:
                 time.sleep(early)
 
 
 def receive(port: int, group: str) -> dict[str, list[int]]:
-    found: dict[str, list[int]] = {"numbers": [], "transit_ns": []}
+    found: dict[str, list[int]] = {"numbers": [], "transit_ns": [], "changed": []}
     with socket.socket(socket.AF_INET6, socket.SOCK_DGRAM) as one:  # also receives IPv4
         with contextlib.suppress(PermissionError):
             one.setsockopt(socket.SOL_SOCKET, SO_RCVBUFFORCE, BUFFER)
@@ -39,7 +41,11 @@ def receive(port: int, group: str) -> dict[str, list[int]]:
             one.setsockopt(socket.IPPROTO_IP, socket.IP_ADD_MEMBERSHIP, member)
         print("ready", flush=True)
         while one in select.select([one, sys.stdin], [], [])[0]:
-            number, sent = struct.unpack_from("!Iq", one.recv(65536))
+            packet = one.recv(65536)
+            if len(packet) < 16 or struct.pack("!I", zlib.crc32(packet[:-4])) != packet[-4:]:
+                found["changed"].append(len(packet))
+                continue
+            number, sent = struct.unpack_from("!Iq", packet)
             found["numbers"].append(number)
             found["transit_ns"].append(time.monotonic_ns() - sent)
     return found

@@ -18,7 +18,7 @@ import os
 import pathlib
 import subprocess
 import sys
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from typing import Any
 
 from parts.common import MORTAL, SBIN, TOP, Command
@@ -45,6 +45,7 @@ class Way:
     """One direction of one operator."""
     ports: dict[int, Flow]  # by UDP port of the destination
     peak: int               # most bytes in any second
+    did: dict[str, int]     # packets of each fault
 
     def total(self, what: Callable[[Flow], int]) -> int:
         return sum(map(what, self.ports.values()))
@@ -75,7 +76,8 @@ class Counts:
 
 
 def counted(ways: list[dict[str, Any]]) -> list[Way]:
-    return [Way({int(port): Flow(**flow) for port, flow in way["ports"].items()}, way["peak"]) for way in ways]
+    return [Way({int(port): Flow(**flow) for port, flow in way["ports"].items()}, way["peak"], way["did"])
+            for way in ways]
 
 
 class Link:
@@ -103,9 +105,15 @@ class Link:
 
     def lose(self, pattern: loss.Pattern, back: loss.Pattern | None = None, operator: int | None = None) -> None:
         """Change the loss for one operator or for all; the pattern begins with the next packet."""
-        lost = [[one, direction, loss.pack(what)] for one in range(self._operators) if operator in (None, one)
-                for direction, what in (("down", pattern), ("up", pattern if back is None else back))]
-        self.relay.ask(json.dumps({"lose": lost}))
+        self.turn({"drop": pattern}, {"drop": pattern if back is None else back}, operator)
+
+    def turn(self, down: Mapping[str, loss.Pattern], up: Mapping[str, loss.Pattern],
+             operator: int | None = None) -> None:
+        """Change the faults (parts.link.faults), each with the pattern of the packets that suffer it."""
+        turned = [[one, direction, {name: loss.pack(pattern) for name, pattern in faults.items()}]
+                  for one in range(self._operators) if operator in (None, one)
+                  for direction, faults in (("down", down), ("up", up))]
+        self.relay.ask(json.dumps({"turn": turned}))
 
     def counts(self) -> Counts:
         found = self.relay.ask(json.dumps({"counts": True}))

@@ -4,7 +4,7 @@
 python -m parts.link.relay OPERATORS DELAY_MS SEED [meet]. Prints its namespaces as file descriptors, the robot's
 first; other processes open them as /proc/<pid>/fd/<number>. With `meet` it is a switch: all nodes see each other, and
 nothing is lost. Each line of standard input is then an order in JSON, answered by a line:
-{"lose": [[operator, direction, pattern], ...]} or {"counts": true}. Exits when standard input is closed.
+{"turn": [[operator, direction, {fault: pattern}], ...]} or {"counts": true}. Exits when standard input is closed.
 """
 import collections
 import contextlib
@@ -23,6 +23,7 @@ from collections.abc import Iterable, Iterator
 from typing import Any
 
 from parts.link import loss
+from parts.link.faults import Faults
 
 DEVICE, QUEUE = "link0", 10000  # packets that can wait for the relay, more than a test sends at once
 TUNSETIFF, IFF_TAP, IFF_NO_PI = 0x400454CA, 2, 0x1000
@@ -96,6 +97,49 @@ class Flow:
     doubled: int = 0  # packets that were sent on twice
 
 
+def checksum(data: bytes) -> int:
+    """RFC 1071."""
+    total: int = sum(struct.unpack(f"!{(len(data) + 1) // 2}H", data + b"\0" * (len(data) % 2)))
+    while total >> 16:
+        total = (total & 0xFFFF) + (total >> 16)
+    return 0xFFFF - total
+
+
+def udp_start(frame: bytes) -> int | None:
+    """Where the UDP header begins; None if the frame is not UDP, or is a later fragment."""
+    kind = frame[12:ETHERNET]
+    if kind == b"\x08\x00" and frame[ETHERNET + 9] == UDP:
+        fragment = frame[ETHERNET + 6] & 0x1F or frame[ETHERNET + 7]
+        return None if fragment else ETHERNET + 4 * (frame[ETHERNET] & 15)
+    return ETHERNET + 40 if kind == b"\x86\xdd" and frame[ETHERNET + 6] == UDP else None
+
+
+def udp_payload(frame: bytes) -> int | None:
+    """Where the payload of a whole UDP packet begins."""
+    start = udp_start(frame)
+    more = frame[12:ETHERNET] == b"\x08\x00" and frame[ETHERNET + 6] & 0x20  # fragments follow
+    return None if start is None or more else start + 8
+
+
+def mended(frame: bytes) -> bytes:
+    """A UDP packet whose payload was changed, with right lengths and checksums."""
+    new, start = bytearray(frame), udp_start(frame)
+    assert start is not None
+    size = len(new) - start
+    if start == ETHERNET + 40:
+        struct.pack_into("!H", new, ETHERNET + 4, size)
+        addresses = new[ETHERNET + 8:start]
+    else:
+        struct.pack_into("!H", new, ETHERNET + 2, len(new) - ETHERNET)
+        struct.pack_into("!H", new, ETHERNET + 10, 0)
+        struct.pack_into("!H", new, ETHERNET + 10, checksum(new[ETHERNET:start]))
+        addresses = new[ETHERNET + 12:ETHERNET + 20]
+    struct.pack_into("!HH", new, start + 4, size, 0)
+    struct.pack_into("!H", new, start + 6,
+                     checksum(addresses + struct.pack("!HH", UDP, size) + new[start:]) or 0xFFFF)
+    return bytes(new)
+
+
 def never(_: float) -> bool:
     return False
 
@@ -103,18 +147,18 @@ def never(_: float) -> bool:
 class Way:
     """One direction between two ends."""
 
-    def __init__(self, target: int) -> None:
+    def __init__(self, target: int, seed: str = "") -> None:
         self.target = target
+        self.faults = Faults(random.Random(seed), udp_payload, mended)
         self.flows: dict[int, Flow] = {}
         self.second: collections.deque[tuple[float, int]] = collections.deque()  # packets of the last second
         self.load = self.peak = 0  # bytes in that second, and the maximum
-        self.lose(never)
 
     def lose(self, judge: loss.Judge, double: loss.Judge = never) -> None:
-        self.judge, self.double, self.begin = judge, double, time.monotonic()
+        self.faults.turn({"drop": judge, "duplicate": double})
 
-    def copies(self, port: int, size: int, now: float) -> int:
-        """Count a packet, and decide how often it is delivered."""
+    def take(self, port: int, packet: bytes, size: int, now: float) -> tuple[list[bytes], list[bytes]]:
+        """Count a packet. The packets to deliver now, and those of others."""
         flow = self.flows.setdefault(port, Flow())
         flow.packets += 1
         flow.bytes += size
@@ -123,33 +167,24 @@ class Way:
         while self.second[0][0] <= now - 1:
             self.load -= self.second.popleft()[1]
         self.peak = max(self.peak, self.load)
-        if self.judge(now - self.begin):
-            flow.lost += 1
-            return 0
-        if self.double(now - self.begin):
-            flow.doubled += 1
-            return 2
-        return 1
+        fault, own, added = self.faults.take(packet, now)
+        flow.lost += fault == "drop"
+        flow.doubled += fault == "duplicate"
+        return own, added
 
     def arrived(self, port: int, size: int) -> None:
         self.flows[port].delivered += 1
         self.flows[port].delivered_bytes += size
 
     def counts(self) -> dict[str, Any]:
-        return {"peak": self.peak, "ports": {port: dataclasses.asdict(flow) for port, flow in self.flows.items()}}
+        return {"peak": self.peak, "did": self.faults.did,
+                "ports": {port: dataclasses.asdict(flow) for port, flow in self.flows.items()}}
 
 
 def udp_port(frame: bytes) -> int | None:
     """The destination; None if the frame is no UDP packet, 0 in a later fragment of one."""
-    kind = frame[12:ETHERNET]
-    if kind == b"\x08\x00" and frame[ETHERNET + 9] == UDP:
-        if frame[ETHERNET + 6] & 0x1F or frame[ETHERNET + 7]:
-            return 0
-        start = ETHERNET + 4 * (frame[ETHERNET] & 15)
-    elif kind == b"\x86\xdd" and frame[ETHERNET + 6] == UDP:
-        start = ETHERNET + 40
-    else:
-        return None
+    if (start := udp_start(frame)) is None:
+        return 0 if frame[12:ETHERNET] == b"\x08\x00" and frame[ETHERNET + 9] == UDP else None
     return int.from_bytes(frame[start + 2:start + 4], "big")
 
 
@@ -159,8 +194,8 @@ class Relay:
         others = range(2, operators + 2)
         self.ports = [Port(1, others), *(Port(number, [1]) for number in others)]
         self.switched = [Way(port.tap) for port in self.ports] if meet else []
-        self.down = [Way(self.ports[1 + one].tap) for one in range(operators)]
-        self.up = [Way(self.ports[0].tap) for _ in range(operators)]
+        self.down = [Way(self.ports[1 + one].tap, f"down {one} {seed}") for one in range(operators)]
+        self.up = [Way(self.ports[0].tap, f"up {one} {seed}") for one in range(operators)]
         self.waiting: collections.deque[tuple[float, Way, int | None, bytes]] = collections.deque()
         self.late = 0.0  # s, longest wait of a packet beyond its delay
 
@@ -179,8 +214,17 @@ class Relay:
     def take(self, port: int, frame: bytes) -> None:
         now, to = time.monotonic(), udp_port(frame)
         for way in self.ways(port, frame):
-            copies = 1 if to is None else way.copies(to, len(frame) - ETHERNET, now)
-            self.waiting.extend([(now + self.delay, way, to, frame)] * copies)
+            own, added = ([frame], []) if to is None else way.take(to, frame, len(frame) - ETHERNET, now)
+            self.waiting.extend((now + self.delay, way, udp_port(one), one) for one in own)
+            self.waiting.extend((now + self.delay, way, None, one) for one in added)
+
+    def release(self) -> float | None:
+        """Let packets pass that a fault held until now; returns the seconds until the next one is due."""
+        now, waits = time.monotonic(), []
+        for way in (*self.down, *self.up):
+            self.waiting.extend((now + self.delay, way, udp_port(one), one) for one in way.faults.due(now))
+            waits.append(way.faults.wait(now))
+        return min((wait for wait in waits if wait is not None), default=None)
 
     def deliver(self) -> float | None:
         """Deliver all due packets; returns the seconds until the next one is due."""
@@ -207,9 +251,11 @@ class Relay:
                 return
 
     def obey(self, order: dict[str, Any]) -> dict[str, Any]:
-        for operator, direction, packed in order.get("lose", []):
+        for operator, direction, faults in order.get("turn", []):
             way: Way = getattr(self, direction)[operator]
-            way.lose(loss.judge(loss.unpack(packed), self.seed, operator, direction))
+            way.faults.turn({name: loss.judge(loss.unpack(packed), self.seed, operator,
+                                              direction if name == "drop" else f"{direction} {name}")
+                             for name, packed in faults.items()})
         if "counts" not in order:
             return {}
         return {"down": [way.counts() for way in self.down], "up": [way.counts() for way in self.up],
@@ -218,7 +264,9 @@ class Relay:
     def run(self) -> None:
         taps = {port.tap: number for number, port in enumerate(self.ports)}
         while True:
-            for ready in select.select([0, *taps], [], [], self.deliver())[0]:
+            held = self.release()  # before deliver(): without a delay they are due at once
+            waits = [wait for wait in (held, self.deliver()) if wait is not None]
+            for ready in select.select([0, *taps], [], [], min(waits, default=None))[0]:
                 if ready:
                     self.read(taps[ready])
                 elif line := sys.stdin.readline():
