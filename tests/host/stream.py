@@ -13,7 +13,7 @@ from typing import Any
 
 from parts.media.clip import frame_number
 
-from .programs import Counters, Desk, Process, pictures, start_recorder, stop, wait_until
+from .programs import TOP, Counters, Desk, Process, pictures, start_recorder, stop, wait_until
 
 GROUP, PORT = "239.255.20.5", 8000  # as network.h
 RELAYED = 9000
@@ -83,8 +83,9 @@ class Stream:
     def relay(self, *words: object, seed: str = "1", offset: int = 0) -> Process:
         """Start relay.py from port RELAYED + offset to ddxdecode's port + offset."""
         ports = (RELAYED + offset, PORT + offset)
+        python = ("env", f"PYTHONPATH={TOP / 'tools'}", "/usr/bin/python3", "-B")
         process = self.desk.start(pathlib.Path(__file__).with_name("relay.py"), *ports, seed, *words,
-                                  wrapper=(*self.network.inside, "/usr/bin/python3", "-B"))
+                                  wrapper=(*self.network.inside, *python))
         assert process.stdout and process.stdout.readline() == "ready\n"
         return process
 
