@@ -13,7 +13,7 @@ from .programs import wait_until
 
 pytestmark = pytest.mark.retry
 
-LATE = "/usr/libexec/ddx/late"
+LATE, ALIASES = "/usr/libexec/ddx/late", "/usr/libexec/ddx/aliases.awk"
 JOBS = ["lastboot", "settings-copy save", "grow"]
 
 
@@ -22,6 +22,7 @@ def appliance(tmp_path: pathlib.Path) -> Iterator[Appliance]:
     """A machine whose jobs only write their names; its recordings' disk is mounted."""
     appliance = Appliance(tmp_path)
     appliance.install("overlay/usr/libexec/ddx/late", LATE[1:])
+    appliance.install("overlay/usr/libexec/ddx/aliases.awk", ALIASES[1:])
     for name in ("lastboot", "settings-copy", "grow"):
         appliance.add(f"usr/libexec/ddx/{name}", '#!/bin/sh\necho ${0##*/} "$@" >> /run/order\n')
     appliance.add("usr/libexec/ddx/own-partition", "#!/bin/sh\necho /dev/sda$1\n")
@@ -85,7 +86,6 @@ def test_drivers_of_the_first_frame_are_loaded_first_and_those_of_displays_later
               "pci:v00001AF4d00001000sv00001AF4sd00000001bc02sc00i00"]
     given = [display, wanted[5], wanted[0], wanted[4], other, wanted[3], "virtio:d00000010v00001AF4", wanted[1],
              wanted[2], wanted[2]]
-    appliance.install("overlay/etc/init.d/S10mdev", "etc/init.d/S10mdev")
-    appliance.add("usr/libexec/ddx/init-action", "order\n")
     appliance.add("run/aliases", "\n".join(given) + "\n")
-    assert appliance.run("/etc/init.d/S10mdev < /run/aliases") == (0, "\n".join([*wanted, other]) + "\n")
+    assert appliance.run(f"awk -f {ALIASES} < /run/aliases") == (0, "\n".join([*wanted, other]) + "\n")
+    assert appliance.run(f"awk -v displays=1 -f {ALIASES} < /run/aliases") == (0, f"{given[0]}\n{given[6]}\n")
