@@ -1,5 +1,5 @@
 /* SPDX-License-Identifier: GPL-2.0-or-later */
-/* A camera through Video4Linux, which streams into mapped buffers. Nothing here waits. */
+/* A camera through Video4Linux, its inputs and television standards. Nothing here waits. */
 #ifndef DDXVIDEO_DEVICE_H
 #define DDXVIDEO_DEVICE_H
 
@@ -35,15 +35,6 @@ struct device {
         size_t size;
     } buffer[DEVICE_BUFFERS];
 };
-
-/* Stop the stream and close the camera. */
-void device_close(struct device *device);
-
-/* The next filled buffer; -EAGAIN: there is none yet; -ENODEV: unplugged; -EIO and others: the stream is broken. */
-int device_take(struct device *device, struct v4l2_buffer *buffer);
-
-/* Give a buffer back to the driver. */
-int device_give(struct device *device, struct v4l2_buffer *buffer);
 
 /* ioctl() that returns -errno, and is repeated after a signal. */
 int device_ioctl(int fd, unsigned long request, void *argument);

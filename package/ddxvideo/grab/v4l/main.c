@@ -7,6 +7,7 @@
 #include <stdlib.h>
 #include <string.h>
 #include <sys/mman.h>
+#include <unistd.h>
 
 #include "camera.h"
 #include "controls.h"
@@ -101,6 +102,21 @@ static int start(struct device *device, char *why, size_t size) {
     return error;
 }
 
+static void device_close(struct device *device) {
+    int type = V4L2_BUF_TYPE_VIDEO_CAPTURE;
+
+    if (device->fd < 0)
+        return;
+    if (device->streaming)
+        device_ioctl(device->fd, VIDIOC_STREAMOFF, &type);
+    for (unsigned i = 0; i < device->buffers; i++)
+        if (device->buffer[i].data)
+            munmap(device->buffer[i].data, device->buffer[i].size);
+    close(device->fd);
+    memset(device, 0, sizeof *device);
+    device->fd = -1;
+}
+
 /*
  * Open the camera, set it up and start the stream. 0, or -errno with the reason in one line at `why`; then it is
  * closed. -EINVAL: this camera cannot do what is requested.
@@ -128,6 +144,30 @@ static int device_open(struct device *device, const struct device_wish *wish, ch
     else
         listen_to_source(device->fd);
     return error;
+}
+
+/* ---- Frames of the driver ---- */
+
+/* The next filled buffer; -EAGAIN: there is none yet; -ENODEV: unplugged; -EIO and others: the stream is broken. */
+static int device_take(struct device *device, struct v4l2_buffer *buffer) {
+    *buffer = (struct v4l2_buffer){.type = V4L2_BUF_TYPE_VIDEO_CAPTURE, .memory = V4L2_MEMORY_MMAP};
+    int error = device_ioctl(device->fd, VIDIOC_DQBUF, buffer);
+    if (error)
+        return error;
+    if (buffer->index >= device->buffers)
+        return -EIO;
+    if (buffer->bytesused > device->buffer[buffer->index].size)
+        buffer->bytesused = (uint32_t)device->buffer[buffer->index].size;
+    return 0;
+}
+
+/* Give a buffer back to the driver. */
+static int device_give(struct device *device, struct v4l2_buffer *buffer) {
+    struct v4l2_buffer again = {
+        .type = V4L2_BUF_TYPE_VIDEO_CAPTURE, .memory = V4L2_MEMORY_MMAP, .index = buffer->index};
+    int error = device_ioctl(device->fd, VIDIOC_QBUF, &again);
+
+    return error == -EINVAL ? device_ioctl(device->fd, VIDIOC_QBUF, &again) : error; /* may be temporary */
 }
 
 /* ---- Controls ---- */
