@@ -32,7 +32,7 @@
 static const char declaration[] = "struct { unsigned char data[142]; }";
 static const char schema[] = "uint8[142] data\n";
 
-/* What is before the pixels of an Image, as ROS's messages are packed. */
+/* The fields before the pixels of an Image, in CDR. */
 static const struct {
     uint32_t seconds, nanoseconds, frame_id_size;
     char frame_id[4];

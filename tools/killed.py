@@ -87,7 +87,7 @@ class Plug:
             kill.files = int(guest.sh("ls /rec/*.y4m | wc -l"))
 
     def end(self, guest: Guest) -> tuple[int, int]:
-        """Stop the machine; number of pictures in all recordings, and of those that do not match the index."""
+        """Stop the machine; return the number of recorded pictures, and of those that do not match the index."""
         session.stop_recorder(guest)
         known = {hashlib.blake2b(frame.data).digest(): number for number, frame in enumerate(y4m.read(self.clip)[1])}
         partition = FileSystem(guest.snapshot())

@@ -8,7 +8,7 @@
 #include "catalog.h"
 
 #define NICE 10          /* the robot comes first */
-#define STACK (1u << 20) /* bytes of each thread of DDS: the usual 8 MiB would count for the service's memory limit */
+#define STACK (1u << 20) /* bytes: the default of 8 MiB would count against the service's memory limit */
 
 static const char purpose[] =
     "Links this machine's store with those of other machines: item gps of machine carol is the item carol:gps here,\n"

@@ -37,7 +37,7 @@ def small_pair(width: int = 96, height: int = 32, disparity: int = 9) -> Pair:
 
 @pytest.mark.parametrize("kind, factor, disparities, most", [("motorcycle", 2, 48, 0.10), ("aloe", 3, 80, 0.144)])
 def test_ground_truth(desk: Desk, kind: str, factor: int, disparities: int, most: float) -> None:
-    """Limits wrong or missing pixels, of which OpenCV's matcher has 10.9 and 15.8 %."""
+    """Limits the share of wrong or missing pixels: OpenCV's matcher has 10.9 and 15.8 %."""
     pair: Pair = found(kind, factor, disparities)
     _, map, _ = ranged(desk, pair)
     assert pair.wrong(map) <= most

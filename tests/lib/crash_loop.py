@@ -5,8 +5,8 @@ from collections.abc import Iterable
 PAUSES = (0, 1, 2, 4)  # s, before it is started again for the first time, for the second ...; then always 8
 KILLS = len(PAUSES) + 1
 KILLED = "/run/killed"  # files with the times of a service's kills, and its status afterwards
-# The process is first a script, and last `finish`: only the program itself is killed. The last pause is the longest,
-# with time to read the status. (A console takes one line.)
+# Only the program itself is killed, not the script that starts it, nor `finish`. The status is read in the last pause,
+# which is the longest. (A console takes one line.)
 SCRIPT = (f"attack() {{ last= kills=0 looks=0; : > {KILLED}.$1; "
           f"while [ $kills -lt {KILLS} ]; do read -r pid < /run/service/$1/supervise/pid; "
           'if [ "$pid" = "$last" ] || [ "$(readlink /proc/$pid/exe)" != /usr/bin/$1 ]; '

@@ -22,8 +22,8 @@ COPY = OUTPUT / "broken"  # with `package`, all switches included
 class Defect:
     path: pathlib.Path
     title: str
-    tests: list[tuple[str, str]]  # a test and its words. Test: of pytest, as on its command line; `C: name` of meson;
-    #                               `fuzz: target`; else a program below output/desk, with its arguments
+    tests: list[tuple[str, str]]  # a test, and a pattern in its output. The test is an argument of pytest, `C: name`
+    #                               for meson, `fuzz: target`, or a program below output/desk with its arguments
     files: list[str]
     switched: bool
 

@@ -56,7 +56,7 @@ static const char *readable_bytes(uint64_t bytes, char text[16]) {
 
 /* Elements of an array that are printed; a picture has a million. */
 #define SHOWN 16
-#define SHOWN_JSON 1024 /* in JSON all elements up to this number, of longer arrays the first SHOWN */
+#define SHOWN_JSON 1024 /* JSON has all elements of an array up to this length, else the first SHOWN */
 
 static int64_t signed_at(const char *at, unsigned bytes) {
     int8_t i8;

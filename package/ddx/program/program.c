@@ -100,7 +100,7 @@ void program_bad_usage(const char *format, ...) {
     exit(EXIT_USAGE);
 }
 
-/* Checked here, since the store would refuse the name too late, and in other words. */
+/* Checked here: the store would refuse the name later, with a different message. */
 static void check_name(const struct option_entry *entry, const char *text) {
     long most = entry->maximum ? entry->maximum : DDX_NAME_MAX;
 

@@ -1,5 +1,5 @@
 /* SPDX-License-Identifier: GPL-2.0-or-later */
-/* A growing buffer, and MCAP's numbers (little endian) and texts (with their length first) in it. */
+/* A growing buffer, and numbers (little endian) and texts (length first) in it, as in MCAP. */
 #ifndef DDXLOG_BYTES_H
 #define DDXLOG_BYTES_H
 

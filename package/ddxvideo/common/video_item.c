@@ -187,7 +187,7 @@ static bool holds(const struct ddx_field *field, const struct video_layout *layo
 
 /*
  * Where the planes of this (checked) geometry lie in the item. -EPROTOTYPE if it has no planes at all, -EBADMSG if they
- * have other samples, -EMSGSIZE if the geometry's are larger.
+ * have other samples, -EMSGSIZE if they are smaller than those of the geometry.
  */
 static int find_planes(const DDX_STORE_ITEM *item, const struct ddxvideo_geometry *geometry, uint64_t offset[3],
                        int stride[3], int rows[3]) {

@@ -98,7 +98,7 @@ enum y4m_result {
     Y4M_ERROR /* a system error: memory, disk */
 };
 
-/* While it waits for a pipe, reading ends as at the end of a file once this returns true. For the whole program. */
+/* For the whole program: once this returns true, reading from an idle pipe stops as at the end of a file. */
 void y4m_stop_when(bool (*stopping)(void));
 
 /*

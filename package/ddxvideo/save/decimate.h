@@ -1,7 +1,7 @@
 /* SPDX-License-Identifier: GPL-2.0-or-later */
 /*
- * Selects the frames to record if not all are: the item's first one, and from there on `take` of every `of` frames,
- * evenly, by their numbers in the store. So it is known whether a lost frame was wanted, and a restarted recorder
+ * Selects frames if not all are to be recorded: from the item's first one on, `take` of every `of` frames, evenly
+ * spaced by their numbers in the store. So a lost frame is known to have been wanted or not, and a restarted recorder
  * continues in step with the previous one.
  */
 #ifndef DDXVIDEO_DECIMATE_H

@@ -91,7 +91,7 @@ enum frame_queue_next frame_queue_peek(struct frame_queue *queue, const unsigned
                                        size_t limit);
 void frame_queue_take(struct frame_queue *queue, size_t bytes);
 
-/* After FRAME_QUEUE_CUT: begins the next file. Returns its place in the queue's count. */
+/* After FRAME_QUEUE_CUT: begin the next file. Return its place in the queue's count. */
 uint64_t frame_queue_next_file(struct frame_queue *queue);
 
 /* The oldest frame that has not been dropped yet. False if there is none. */

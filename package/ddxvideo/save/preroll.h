@@ -40,8 +40,8 @@ uint64_t preroll_put(struct preroll *preroll, unsigned queue_frames, const struc
                      const struct recording_frame *frame);
 
 /*
- * Frames were missed before one that is not kept. If a picture waits, they are remembered as missed before the next
- * one. Returns how many are dropped instead: all, if no picture waits.
+ * Account for frames that were missed before a frame that is not kept. If a picture waits, they count as missed before
+ * the next one. Return the number of frames that are dropped instead: all, if no picture waits.
  */
 uint64_t preroll_missed(struct preroll *preroll, uint64_t frames);
 
