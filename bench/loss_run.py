@@ -77,8 +77,9 @@ class Take:
         return numbers[:-TAIL]
 
     def pause_ms(self) -> float:
-        """The longest time between two of the robot's frames."""
-        times = sorted(self.views[0].written.values())
+        """The longest time between two of the robot's measured frames. Before them a peer may wait for its connection,
+        which takes SRT most of a second where packets are lost."""
+        times = sorted(written for written in self.views[0].written.values() if written >= self.settled)
         return max((after - before for before, after in zip(times, times[1:])), default=0) / 1e6
 
     def disturbed(self) -> bool:
