@@ -337,6 +337,29 @@ static void check_narrow(void) {
     CHECK(repairs <= media / 100 && usable(&run, CALM, FRAMES) >= 99 && video_kbit() >= 270);
 }
 
+/* The same with losses: each packet takes 25 ms there, and repair that is not needed makes all packets after it late.
+ * The mean of four seeds. */
+static void check_narrow_lossy(void) {
+    struct run run = {.loss = INDEPENDENT, .part = 0.3, .trip = 4 * MS, .receivers = 1};
+    const unsigned seeds = SEEDS(4);
+    double in_time = 0, good = 0, video = 0;
+
+    for (uint64_t seed = 1; seed <= seeds; seed++) {
+        begin(&run, seed);
+        receivers[0].from.rate = WIRE;
+        while (now < start + FRAMES * INTERVAL + 200 * MS)
+            now = step(&run);
+        check_books(&run);
+        good += usable(&run, CALM, FRAMES) / seeds;
+        run.any_size = true;
+        in_time += usable(&run, CALM, FRAMES) / seeds;
+        run.any_size = false;
+        video += video_kbit() / seeds;
+    }
+    printf("a narrow link with losses: in time %.1f %%, usable %.1f %%, video %.0f kbit/s\n", in_time, good, video);
+    CHECK(SANITIZED || (in_time >= 72 && good >= 56 && video >= 85));
+}
+
 /* After outages of this length, from the robot or in both directions, each 8 s: ms until a new whole picture is there,
  * the mean of eight or nine. */
 static double after_outages(int64_t length, bool both) {
@@ -478,6 +501,7 @@ int main(int argc, char **argv) {
                   {"forged", check_forged},
                   {"freeze", check_freeze},
                   {"narrow", check_narrow},
+                  {"narrow-lossy", check_narrow_lossy},
                   {"small-wire", check_small_wire},
                   {"hostile", check_hostile},
                   {"forged-repair", check_forged_repair},

@@ -59,8 +59,14 @@ static void learn_queue(struct deficit *deficit, int64_t now, int64_t trip, int6
     deficit->trip_now = trip;
 }
 
+/* Whether packets usually wait for those before them: the link carries hardly more than is sent. */
+static bool is_narrow(const struct deficit *deficit) {
+    return deficit->begun && deficit->trip - least_trip(deficit) > tuning.narrow;
+}
+
 /* How long a packet may take more than the last one that arrived, before it counts as lost: as much as round trips
- * differed lately, since a narrow link needs time for each packet, and packets wait for those before them. */
+ * differed lately, since a narrow link needs time for each packet, and packets wait for those before them. Where
+ * packets are lost, less: of 100 ms such a link has time for one repair, so it must begin soon. */
 static int64_t margin_of(struct deficit *deficit, int64_t now, int64_t trip, double loss) {
     if (!deficit->begun || now - deficit->most_begun >= tuning.margin_period) {
         deficit->trip_most[1] = deficit->begun ? deficit->trip_most[0] : trip;
@@ -70,7 +76,8 @@ static int64_t margin_of(struct deficit *deficit, int64_t now, int64_t trip, dou
     if (trip > deficit->trip_most[0])
         deficit->trip_most[0] = trip;
     int64_t more = longest_trip(deficit) - trip;
-    return tuning.jitter + (loss > tuning.margin_loss && more > tuning.margin_most ? tuning.margin_most : more);
+    int64_t most = is_narrow(deficit) ? tuning.margin_most_narrow : tuning.margin_most;
+    return tuning.jitter + (loss > tuning.margin_loss && more > most ? most : more);
 }
 
 /* Whether the oldest packet of which the receiver does not know yet waits before the link. Where packets are lost, it
@@ -93,12 +100,12 @@ static void learn_run(struct deficit *deficit, unsigned run) {
 /*
  * The number of packets to have on the way for `needed` missing ones. With a long delay fewer rounds are left, so the
  * frame counts as older. Of a few packets probably all arrive; of many, some are lost. Where losses come in runs, all
- * arrive or none, and more packets would not help.
+ * arrive or none, and more packets would not help. On a narrow link they would delay all packets after them.
  */
 static unsigned packets_to_send(const struct deficit *deficit, unsigned needed, int64_t age) {
     double loss = deficit->loss < tuning.loss_most ? deficit->loss : tuning.loss_most;
 
-    if (deficit->run_mean > tuning.in_runs_packets)
+    if (deficit->run_mean > tuning.in_runs_packets || is_narrow(deficit))
         return needed;
     age += deficit->trip > tuning.short_trip ? 2 * (deficit->trip - tuning.short_trip) : 0;
     double sure = age < tuning.late ? 0 : age < tuning.very_late ? tuning.late_sure : tuning.very_late_sure;
@@ -135,7 +142,8 @@ static void decide_repair(struct deficit *deficit, const struct history *media, 
     learn_run(deficit, history_between(media, deficit->arrival, deficit->covered) +
                            history_between(repairs, deficit->arrival, deficit->covered));
     deficit->needed = deficit->missing;
-    if (deficit->delay <= tuning.queue) /* else the newest packets may wait before the link, and repair as well */
+    /* If packets are late and hardly one is lost, the newest ones wait before the link, and repair would wait, too. */
+    if (deficit->delay <= tuning.queue || deficit->loss > tuning.margin_loss)
         deficit->needed += history_until(media, deficit->highest, deficit->covered);
     deficit->wanted = deficit->probes = 0;
     if (!deficit->needed)

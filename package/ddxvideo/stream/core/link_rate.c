@@ -50,9 +50,10 @@ static bool stay_away(struct link_rate *link, const struct deficit *nearest, int
 }
 
 bool link_rate_is_full(struct link_rate *link, const struct deficit *nearest, const struct history *sent, int64_t now) {
-    bool full =
-        nearest && (stay_away(link, nearest, now) || nearest->queue > tuning.link_full ||
-                    (nearest->delay > tuning.link_full_now && history_sent(sent, sent->newest) > nearest->arrival));
+    int64_t more = nearest && nearest->loss > tuning.margin_loss ? tuning.link_full_more : 0;
+    bool full = nearest &&
+                (stay_away(link, nearest, now) || nearest->queue > tuning.link_full + more ||
+                 (nearest->delay > tuning.link_full_now + more && history_sent(sent, sent->newest) > nearest->arrival));
 
     link->was_full |= full;
     if (full)

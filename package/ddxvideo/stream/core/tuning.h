@@ -26,6 +26,7 @@ static const struct {
     /* ---- The link's rate ---- */
     int64_t link_full;       /* that packets wait before the link, above which frames are left out */
     int64_t link_full_now;   /* the same, of the last packet that arrived, while others are on their way */
+    int64_t link_full_more;  /* that both are longer where packets are lost: then repair waits there as well */
     double link_full_share;  /* of the rate that a frame has then, if it is not left out, */
     int64_t link_full_after; /* and so long after it */
     int64_t link_held_most;  /* for which packets that stay away count as a full link, */
@@ -83,7 +84,9 @@ static const struct {
     int64_t margin_period; /* in which the longest round trip is looked for: later packets are late, not lost */
     double margin_loss;    /* above which packets are given less time: */
     int64_t margin_most;
-    int64_t late; /* since the oldest missing frame was handed over */
+    int64_t margin_most_narrow; /* the same on a narrow link: */
+    int64_t narrow;             /* the mean round trip is longer by this than the shortest one */
+    int64_t late;               /* since the oldest missing frame was handed over */
     int64_t very_late;
     double late_sure;      /* standard deviations that are added for frames that are late, */
     double very_late_sure; /* and very late */
@@ -114,6 +117,7 @@ static const struct {
     .shares_kept = 1 - 1.0 / 75,
     .link_full = 50 * MS,
     .link_full_now = 65 * MS,
+    .link_full_more = 25 * MS,
     .link_full_share = 0.25,
     .link_full_after = 150 * MS,
     .link_held_most = 300 * MS,
@@ -165,6 +169,8 @@ static const struct {
     .margin_period = SECOND,
     .margin_loss = 0.05,
     .margin_most = 10 * MS,
+    .margin_most_narrow = 2 * MS,
+    .narrow = 12 * MS,
     .late = 60 * MS,
     .very_late = 80 * MS,
     .late_sure = 1.0,
