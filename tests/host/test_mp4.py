@@ -305,6 +305,28 @@ def test_killed_within_a_frame(desk: Desk) -> None:
     assert len(table(path.read_bytes())[0]) == len(probe(path)["frames"]) == 9
 
 
+def test_a_slow_repair_loses_no_frame(desk: Desk, tmp_path: pathlib.Path) -> None:
+    """While the disk does not finish the file that was left, frames wait in the queue."""
+    path, stalled = desk.folder / "out.mp4", tmp_path / "stalled"
+    saver = start_recorder(desk, "-output", path)
+    wait_for_recorder(desk)
+    write(desk, even(10))
+    wait_until(lambda: desk.out("ddxvideosave") == 10)
+    saver.kill()
+    saver.wait()
+    stalled.touch()
+    saver = start_recorder(desk, "-output", path, wrapper=(
+        "env", f"LD_PRELOAD={preload('stalled_disk', desk.folder)}", f"STALLED_SYNC={stalled}"))
+    wait_for_recorder(desk, starts=2)
+    write(desk, even(40, 9 * SECOND))
+    wait_until(lambda: bool(desk.stats("ddxvideosave")["in"] == 50))
+    assert desk.out("ddxvideosave") == 10 and list(desk.folder.glob("out*.mp4")) == [path]
+    stalled.unlink()
+    status, counters = stop(saver)
+    assert (status, counters["out"], lost(counters)) == (0, 50, 0)
+    assert [len(table(one.read_bytes())[0]) for one in (path, path.with_name("out-2.mp4"))] == [10, 40]
+
+
 def test_the_clip_is_played_in_its_time(desk: Desk) -> None:
     """-loop continues the times. test_log_replay.py has -clock."""
     recorded(desk, even(5), "-output", "out.mp4")

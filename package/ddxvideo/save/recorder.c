@@ -152,6 +152,34 @@ static void repair_plain_files(const struct output *output, DDX_STATS_BOOK *book
     ddx_stats_found(book, found);
 }
 
+/*
+ * The thread that repairs them, which takes long if a file is large or the disk is slow. It has the first turn to
+ * write: meanwhile, frames wait in the queue, and no file is opened under the name of the one that is repaired.
+ */
+static void *mend_leftovers(void *argument) {
+    struct recorder *recorder = argument;
+
+    program_thread_signals();
+    program_thread_ordinary();
+    repair_plain_files(&recorder->output, recorder->book);
+    recording_end_turn(&recorder->turn);
+    return NULL;
+}
+
+/* Begins to repair files that a predecessor of this instance left when it died. */
+static void begin_to_mend(struct recorder *recorder) {
+    DDX_STATS stats;
+
+    ddx_stats_get(recorder->book, &stats);
+    recorder->output.keep = stats.follows || recorder->program.hidden;
+    if (recorder->pool)
+        return;
+    recorder->turn.begun++;
+    recorder->mends = !pthread_create(&recorder->mender, NULL, mend_leftovers, recorder);
+    if (!recorder->mends)
+        mend_leftovers(recorder);
+}
+
 /* ---- Commands ---- */
 
 /*
@@ -403,16 +431,6 @@ static bool find_item(struct recorder *recorder, DDX_STORE_ID *id) {
     return true;
 }
 
-/* Repairs files that a predecessor of this instance left when it died. */
-static void mend_leftovers(struct recorder *recorder) {
-    DDX_STATS stats;
-
-    ddx_stats_get(recorder->book, &stats);
-    recorder->output.keep = stats.follows || recorder->program.hidden;
-    if (!recorder->pool)
-        repair_plain_files(&recorder->output, recorder->book);
-}
-
 int recorder_run(struct recorder *recorder) {
     recorder->begin = ddx_time_now();
     recorder->frame = -1;
@@ -442,7 +460,7 @@ int recorder_run(struct recorder *recorder) {
     if (id && !program_attach(&recorder->program, recorder->book, id, recorder->name))
         recorder->status = EXIT_FAILED;
     else if (id) {
-        mend_leftovers(recorder);
+        begin_to_mend(recorder);
         commands_open(recorder, id);
         recorder->disk.place = recorder->place;
         recorder->disk.recycle = recorder->recycle;
@@ -456,6 +474,8 @@ int recorder_run(struct recorder *recorder) {
             record(recorder);
     }
     disk_watch_stop(&recorder->disk);
+    if (recorder->mends)
+        pthread_join(recorder->mender, NULL);
     if (recorder->status && !program_stopping())
         ddx_stats_fail(recorder->book);
     program_report(recorder->book);

@@ -49,6 +49,8 @@ struct recorder {
     struct recording *recording;       /* the current one; NULL before the first frame */
     struct backlog backlog;            /* former ones, still being written to disk */
     struct recording_turn turn;
+    pthread_t mender;               /* repairs what a killed recorder left */
+    bool mends;                     /* it was started */
     uint64_t lost_store, lost_ring; /* since the last recorded frame, for the index entry or stamp of the next one */
     int64_t begin;                  /* time of the start */
     bool awaited;                   /* the item did not exist when the recorder started */

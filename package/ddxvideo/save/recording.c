@@ -143,9 +143,7 @@ static void wait_for_turn(struct recording *recording) {
     pthread_mutex_unlock(&turn->lock);
 }
 
-static void end_turn(struct recording *recording) {
-    struct recording_turn *turn = recording->plan.turn;
-
+void recording_end_turn(struct recording_turn *turn) {
     pthread_mutex_lock(&turn->lock);
     turn->written++;
     pthread_cond_broadcast(&turn->changed);
@@ -185,7 +183,7 @@ static void *recording_write(void *argument) {
         flusher_close_segment(&recording->flusher, recording->segment);
         recording->segment = NULL;
     }
-    end_turn(recording);
+    recording_end_turn(recording->plan.turn);
     flusher_stop(&recording->flusher);
     recording->done = true;
     return NULL;

@@ -20,8 +20,11 @@
 struct recording_turn {
     pthread_mutex_t lock;
     pthread_cond_t changed;
-    unsigned begun, written; /* recordings so far */
+    unsigned begun, written; /* recordings so far, and the repair of what a killed recorder left */
 };
+
+/* The oldest one that has begun is written: the next one may write. */
+void recording_end_turn(struct recording_turn *turn);
 
 /* Settings of a recording. */
 struct recording_plan {
