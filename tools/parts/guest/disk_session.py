@@ -19,6 +19,7 @@ from parts.media.record_check import Found
 CLIP_SECONDS = 20
 FRAMES = CLIP_SECONDS * RATE
 PROGRAMS = ("naive", "neighbour")
+READERS = ("naive", "marks")  # programs with libddx
 HERTZ = 20.0  # of the neighbour's fsync
 # In the provisioning file: no service starts before the disk is mounted
 QUIET = f"service={SAVE} off\nservice={LOAD} off\n"
@@ -35,13 +36,16 @@ class Result:
     neighbour: int   # number of fsyncs of the neighbour
 
 
+def program(name: str, folder: pathlib.Path) -> pathlib.Path:
+    """Build tests/guest/NAME as a static program for the development image."""
+    run(["gcc", "-static", "-std=gnu11", "-O2", "-Wall", "-Wextra", "-Werror", "-pthread", "-D_GNU_SOURCE",
+         TOP / f"tests/guest/{name}/main.c", *(native.static_library() if name in READERS else []), "-o",
+         folder / name])
+    return folder / name
+
+
 def programs(folder: pathlib.Path) -> dict[str, pathlib.Path]:
-    """Build tests/guest/naive and neighbour as static programs for the development image."""
-    for name in PROGRAMS:
-        run(["gcc", "-static", "-std=gnu11", "-O2", "-Wall", "-Wextra", "-Werror", "-pthread", "-D_GNU_SOURCE",
-             TOP / f"tests/guest/{name}/main.c", *(native.static_library() if name == "naive" else []),
-             "-o", folder / name])
-    return {name: folder / name for name in PROGRAMS}
+    return {name: program(name, folder) for name in PROGRAMS}
 
 
 def content(work: pathlib.Path, settings: str = "") -> testdisk.Files:
