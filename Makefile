@@ -77,6 +77,7 @@ bench:           ## the store beside other ways to pass frames: ROUNDS=, CASES=,
 	@$(if $(CASES)$(BEFORE),:,tools/bench stereo)
 	@$(if $(CASES)$(BEFORE),:,tools/bench view)
 	@$(if $(CASES)$(BEFORE),:,tools/bench catalog)
+	@$(if $(CASES)$(BEFORE),:,tools/bench mp4)
 # Only words of the command line count: a HOSTNAME or DEV that happens to be in the environment must not.
 FLASH_WORDS = BOARD DEV IMAGE YES FILE SSH_KEY HOSTNAME NETWORK CONSOLE SERIAL
 TYPED = $(foreach word,$(FLASH_WORDS),$(if $(findstring command,$(origin $(word))),$(word)='$($(word))'))

@@ -8,6 +8,7 @@ import pathlib
 import subprocess
 import sys
 from collections.abc import Sequence
+from typing import Any
 
 from parts.common import MORTAL, OUTPUT, TOP, Closing, output
 from parts.image import native
@@ -39,7 +40,7 @@ class Programs(Closing):
         environment = {**self.environment, "PYTHONPATH": f"{TOP}/package/ddx/python:{TOP}/tools:{TOP}"}
         return Watcher(subprocess.Popen(command, env=environment, stdout=subprocess.PIPE, text=True))
 
-    def _counters(self, instance: str) -> list[dict[str, int]]:
+    def _counters(self, instance: str) -> list[dict[str, Any]]:
         """The counters of an instance; none before it runs."""
         lines = output([self.bin / "ddxctl", "stats", "-json"], self.environment).splitlines()
         return [one for one in map(json.loads, lines) if one["instance"] == instance]
@@ -50,6 +51,10 @@ class Programs(Closing):
     def count(self, instance: str, what: str) -> int:
         """One of a program's counters; 0 before it runs."""
         return sum(int(one[what]) for one in self._counters(instance))
+
+    def lost(self, instance: str) -> int:
+        """Frames that a program lost, for all reasons."""
+        return sum(sum(one["lost"].values()) for one in self._counters(instance))
 
     def end(self) -> None:
         for process in reversed(self.running):

@@ -110,7 +110,9 @@ def test_report_and_picture(measured: Run, tmp_path: pathlib.Path) -> None:
 
 
 @pytest.mark.parametrize("words", [("store", "-rounds", "1", "-cases", "cif-1x1-zero,direct"), ("stream",), ("replay",),
-                                   ("loss",), ("stereo",), ("view",), ("catalog",)], ids=lambda words: str(words[0]))
+                                   ("loss",), ("stereo",), ("view",), ("catalog",),
+                                   pytest.param(("mp4",), marks=pytest.mark.long)],
+                         ids=lambda words: str(words[0]))
 def test_each_benchmark_runs(words: tuple[str, ...]) -> None:
     """A short `make bench`: options and output still fit the programs. Figures are not judged."""
     done = subprocess.run([*MORTAL, TOP / "tools/bench", *words, "-short"], timeout=120,
@@ -120,6 +122,7 @@ def test_each_benchmark_runs(words: tuple[str, ...]) -> None:
              "replay": r"replay: [1-9]\d* values", "loss": r"clean, short, .* shown [1-9]",
              "stereo": r"368x248, 48 disparities, SGBM: ",
              "view": r"forward .*\n.*back .*\n.* start (.|\n)*frame: [1-9]",
+             "mp4": r"cif: \d.* times x264 alone; \d[\d.]* MB/s",
              "catalog": r"first .*\nmirror .* ratio \d.*\nclock .*\d"}[words[0]]
     assert re.search(found, done.stdout), done.stdout
 
