@@ -16,6 +16,7 @@
 #include <sys/stat.h>
 #include <unistd.h>
 
+#include "announce.h"
 #include "clock.h"
 #include "link.h"
 #include "listen.h"
@@ -34,14 +35,18 @@
 #define CONFIG "/usr/share/ddx/panel.conf"
 #define MAKER "/usr/libexec/ddx/panel-certificate"
 #define PROVISION "/run/provision"
+#define MDNSD "/usr/sbin/mdnsd"
+#define ANNOUNCED "/usr/share/ddx/panel.service"
+#define SHOW "/usr/libexec/ddx/panel-console"
 #define WEB_USER "ddxweb"
+#define MDNS_USER "ddxmdns"
 #define OWN_USER "ddxpanel"
 #define NOGROUP 65534
 #define LEAST 12   /* characters of a passphrase */
 #define SILENCE 10 /* s */
 
-/* All users may read these two. The web server has no use for the store either. */
-static const char *const web_server_hidden[] = {"/rec", "/data", "/run/ddx", NULL};
+/* All users may read these two. Only the web process has a use for the store. */
+static const char *const network_hidden[] = {"/rec", "/data", "/run/ddx", NULL};
 static const char *const web_process_hidden[] = {"/rec", "/data", NULL};
 
 _Noreturn static void fail(const char *what, int error) {
@@ -188,6 +193,17 @@ static int run_web_process(void *argument) {
     return web_serve(3, 4);
 }
 
+/* It needs no right: its port is above 1023. */
+static int run_mdnsd(void *argument) {
+    char *const command[] = {MDNSD, "-n", "-l", "err", ANNOUNCED, NULL};
+
+    (void)argument;
+    if (close_range(3, ~0u, 0))
+        return -errno;
+    execv(MDNSD, command);
+    return -errno;
+}
+
 static int start(const struct part *part) {
     int fd = part_start(part);
 
@@ -249,11 +265,18 @@ static int run(void) {
     struct ends ends = {.listener = scgi, .root = pair[1]};
     struct serve serving = {.web = pair[0], .link = LINK, .silence = SILENCE, .find = order_find};
     serving.part[0] = start(&(struct part){"web process", OWN_USER, -1, web_process_hidden, run_web_process, &ends});
-    serving.part[1] = start(&(struct part){"web server", WEB_USER, NOGROUP, web_server_hidden, run_web_server, &ports});
+    serving.part[1] = start(&(struct part){"web server", WEB_USER, NOGROUP, network_hidden, run_web_server, &ports});
     close(pair[1]);
     close(scgi);
     close(ports.https);
     close(ports.http);
+    const struct part mdnsd = {"mdnsd", MDNS_USER, NOGROUP, network_hidden, run_mdnsd, NULL};
+    struct announce announce;
+    serving.also = announce_open(&announce, &mdnsd, SHOW);
+    if (serving.also < 0)
+        fail("addresses", serving.also);
+    serving.look = announce_look;
+    serving.argument = &announce;
     const char *passphrase = read_passphrase();
     serving.passphrase = *passphrase ? passphrase : NULL;
     say("ready; %s", *passphrase ? "the passphrase of ddx.txt opens it" : "a link of `ddxctl panel login` opens it");

@@ -167,20 +167,24 @@ static struct message_answer start(const struct serve *serve, const struct messa
     return (struct message_answer){.status = 200};
 }
 
-/* Waits for a request. 0, or -errno. */
+/* Waits for a request. 0, or -errno; -EAGAIN: something else was to be done. */
 static int wait_for(const struct serve *serve, int64_t heard) {
-    struct pollfd wait[1 + SERVE_PARTS] = {{.fd = serve->web, .events = POLLIN}};
+    enum { WEB, ALSO, PART, ALL = PART + SERVE_PARTS };
+    struct pollfd wait[ALL] = {[WEB] = {.fd = serve->web, .events = POLLIN},
+                               [ALSO] = {.fd = serve->look ? serve->also : -1, .events = POLLIN}};
     int64_t left = serve->silence ? heard + (int64_t)serve->silence * 1000 - clock_ms() : -1;
 
     for (int i = 0; i < SERVE_PARTS; i++)
-        wait[1 + i] = (struct pollfd){.fd = serve->part[i] ? serve->part[i] : -1, .events = POLLIN};
-    int found = poll(wait, 1 + SERVE_PARTS, !serve->silence ? -1 : left > 0 ? (int)left : 0);
+        wait[PART + i] = (struct pollfd){.fd = serve->part[i] ? serve->part[i] : -1, .events = POLLIN};
+    int found = poll(wait, ALL, !serve->silence ? -1 : left > 0 ? (int)left : 0);
     if (found < 0)
         return -errno;
     for (int i = 0; i < SERVE_PARTS; i++)
-        if (wait[1 + i].revents)
+        if (wait[PART + i].revents)
             return -ECHILD;
-    return found ? 0 : -ETIMEDOUT;
+    if (wait[ALSO].revents)
+        serve->look(serve->argument);
+    return wait[WEB].revents ? 0 : found ? -EAGAIN : -ETIMEDOUT;
 }
 
 int serve(const struct serve *serve) {
@@ -190,7 +194,7 @@ int serve(const struct serve *serve) {
 
     for (;;) {
         int waited = wait_for(serve, heard);
-        if (waited == -EINTR)
+        if (waited == -EINTR || waited == -EAGAIN)
             continue;
         if (waited)
             return waited;

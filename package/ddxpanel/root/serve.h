@@ -13,6 +13,9 @@ struct serve {
     const char *link;       /* file of a link, see link.h; NULL: no login by link */
     unsigned silence;       /* s without a sign of life of the web process, then it counts as hung; 0: for ever */
     int part[SERVE_PARTS]; /* process file descriptors of other processes without which the panel has no use; 0: none */
+    int also;              /* another descriptor, and what is done when it is readable */
+    void (*look)(void *argument); /* NULL: there is none */
+    void *argument;
     const struct order *(*find)(const char *const *words, const char *command[ORDER_WORDS], const char **reason);
 };
 

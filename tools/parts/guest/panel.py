@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import base64
 import hashlib
+import http.client
 import json
 import pathlib
 import ssl
@@ -12,7 +13,7 @@ import sys
 from collections.abc import Sequence
 from typing import Any
 
-from parts.common import MORTAL, Closing, Failed, wait_until
+from parts.common import MORTAL, PATIENCE, Closing, Failed, wait_until
 from parts.guest.native_machine import NativeMachine
 from parts.media.browser import Browser
 
@@ -74,6 +75,41 @@ def ask(robot: NativeMachine, requests: Sequence[Request]) -> list[Any]:
     done = subprocess.run([*MORTAL, *inside(robot), sys.executable, "-c", CLIENT], input=lines, capture_output=True,
                           text=True, check=True)
     return [json.loads(line) for line in done.stdout.splitlines()]
+
+
+class Phone:
+    """A program that asks the panel of a machine `name` behind a port of this host, and takes one certificate only: the
+    one with this SHA-256."""
+
+    def __init__(self, port: int, name: str, shown: str) -> None:
+        self.port, self.shown = port, shown
+        self._headers = {"Host": f"{name}.local", "Origin": f"https://{name}.local", "X-Panel": "1"}
+
+    def ask(self, method: str, path: str, body: str = "") -> tuple[int, str]:
+        """Status and body; the cookie of a login goes with all further requests."""
+        context = ssl.SSLContext(ssl.PROTOCOL_TLS_CLIENT)
+        context.check_hostname, context.verify_mode = False, ssl.CERT_NONE
+        link = http.client.HTTPSConnection("127.0.0.1", self.port, context=context, timeout=PATIENCE)
+        try:
+            link.connect()
+            found = digest(link.sock.getpeercert(True) or b"")
+            if found != self.shown:
+                raise Failed(f"the panel's certificate is {found}, not {self.shown}")
+            link.request(method, path, body or None, self._headers)
+            answer = link.getresponse()
+            if cookie := answer.getheader("Set-Cookie"):
+                self._headers["Cookie"] = cookie.split(";")[0]
+            return answer.status, answer.read().decode(errors="replace")
+        finally:
+            link.close()
+
+    def order(self, *words: str) -> list[str]:
+        """The lines of an order's output, without the last one, of the panel: it must have succeeded."""
+        status, text = self.ask("POST", "/panel/order", "\n".join(words))
+        lines = text.splitlines()
+        if status != 200 or json.loads(lines[-1]) != {"end": "exited", "status": 0}:
+            raise Failed(f"{words}: {status}: {text}")
+        return lines[:-1]
 
 
 class Visitor(Closing):
