@@ -12,6 +12,7 @@
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
+#include <sys/resource.h>
 #include <sys/socket.h>
 #include <sys/stat.h>
 #include <unistd.h>
@@ -193,12 +194,13 @@ static int run_web_process(void *argument) {
     return web_serve(3, 4);
 }
 
-/* It needs no right: its port is above 1023. */
+/* It needs no right: its port is above 1023. Other machines decide how much it has to remember. */
 static int run_mdnsd(void *argument) {
+    const struct rlimit memory = {8u << 20, 8u << 20};
     char *const command[] = {MDNSD, "-n", "-l", "err", ANNOUNCED, NULL};
 
     (void)argument;
-    if (close_range(3, ~0u, 0))
+    if (setrlimit(RLIMIT_DATA, &memory) || close_range(3, ~0u, 0))
         return -errno;
     execv(MDNSD, command);
     return -errno;

@@ -78,6 +78,7 @@ def test_with_all_services_on_only_declared_ports_are_open(boot: Boot, work: pat
         runs(guest, "ddxvideosend")
         guest.wait_until("netstat -uln | grep -q :7411")
         guest.wait_until("ddxctl logs ddxpanel | grep -q ready")
+        guest.wait_until("netstat -uln | grep -q :5353")
         found = everywhere(guest, outsider)
         stream = [frame for frame in outsider.came if frame[:3] == b"\x01\x00\x5e" and frame[36:38] == b"\x1f\x40"]
         assert len(stream) > 10  # the sender has sent

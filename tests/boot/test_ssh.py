@@ -77,6 +77,7 @@ def test_only_declared_ports_listen(robot: Robot) -> None:
         runs(robot.guest, name)
     robot.guest.wait_until("netstat -uln | grep -q :7411")
     robot.guest.wait_until("ddxctl logs ddxpanel | grep -q ready")
+    robot.guest.wait_until("netstat -uln | grep -q :5353")
     found = re.findall(r"^(tcp|udp)\s.*?:(\d+)\s.*/(\S+)", robot.guest.sh("netstat -tulnp"), re.M)
     assert manifest.ports({(kind, int(port), program) for kind, port, program in found}) == []
 
