@@ -116,6 +116,7 @@ def toggle(phone: Phone, robot: Robot) -> None:
 def rights(robot: Robot) -> None:
     """User, group, no further group, no capability, and no way to get one; nothing to see in the folders of others."""
     said = robot.ssh("main=$(cat /run/service/ddxpanel/supervise/pid); for p in $(pgrep -P $main); do "
+                     "readlink /proc/$p/exe > /dev/null || continue; "  # an order that has been executed
                      "awk '/Name|Uid|Gid|Groups|CapPrm|CapEff|CapBnd|CapAmb|NoNewPrivs/ { printf \"%s,\", $2 } "
                      "END { print \"\" }' /proc/$p/status; done").stdout
     parts = {line.split(",")[0]: line.split(",")[1:] for line in said.splitlines()}
