@@ -11,7 +11,7 @@
 #   EXTERNAL=path[:path]  trees outside of ours: build, image, sdk, test; docs/programs.md
 #   JUNIT=file     for `make test`: the outcome of all tests as JUnit XML; docs/ci.md
 #   ROUNDS=, CASES=, BEFORE=commit  for `make bench`: docs/bench.md
-#   KEY=, SERIAL=, OLDEST=, UPDATE_KEYS=  for updates, and what an image accepts: docs/update.md
+#   KEY=, SERIAL=, OLDEST=, UPDATE_KEYS=, UPDATE=, ROBOTS=  for updates, and what an image accepts: docs/update.md
 #   DEV=           and more for `make flash`: docs/flash.md
 
 PYTHON = /usr/bin/python3 -B
@@ -29,7 +29,7 @@ RUN_CAMPAIGN = $(if $(filter bench-record,$(T)),tools/bench record $(ARGS),$(PYT
 	$(filter reproduce,$(T)),buildroot.py reproduce "$(BOARD)",$(CAMPAIGN).py $(ARGS)))
 
 .PHONY: help setup setup-run setup-build build run boot test test-long results again defects image sdk bench legal sbom lint flash \
-	update update-key \
+	update update-key rollout \
 	docs desktop clean distclean
 
 # Targets with ## are those of every day; the others are for release and repair.
@@ -85,6 +85,8 @@ flash: setup-run ## write an image to a disk and compare: BOARD=dev DEV=/dev/sdX
 	@$(PYTHON) tools/flash.py $(TYPED)
 update: setup-run ## an update file from a board's image, signed: BOARD=dev KEY=file, see docs/update.md
 	@$(PYTHON) tools/update.py file "$(BOARD)" "$(KEY)"
+rollout: setup-run ## an update onto many robots, by ssh: UPDATE=file ROBOTS=file (a name a line), see docs/update.md
+	@$(PYTHON) tools/rollout.py "$(UPDATE)" "$(ROBOTS)"
 update-key: setup-run # a pair of keys for updates, with a password: KEY=file
 	@$(PYTHON) tools/update.py key "$(KEY)"
 docs: setup      # type every command of docs/technician.md into the image, and take its pictures: BOARD=

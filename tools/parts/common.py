@@ -55,7 +55,7 @@ class Closing:
 
 
 def say(text: str) -> None:
-    print(text, flush=True)
+    print(f"{text}\n", end="", flush=True)  # in one piece, also beside other threads
 
 
 def run(command: Command, cwd: pathlib.Path | None = None, env: dict[str, str] | None = None,

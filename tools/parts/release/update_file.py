@@ -74,6 +74,20 @@ def make(what: Release, root: bytes, key: pathlib.Path) -> bytes:
     return archive(list(zip(MEMBERS, (text, sign(text, key), root))))
 
 
+def read(file: pathlib.Path) -> Release:
+    """What an update file contains, by its manifest. Its signature is checked on the machine."""
+    try:
+        with tarfile.open(file, "r:") as tar:
+            member = tar.extractfile(MEMBERS[0])
+            lines = member.read().decode().splitlines() if member else []
+        words = dict(line.split("=", 1) for line in lines)
+        return Release(*(words[field.name] for field in dataclasses.fields(Release)))
+    except FileNotFoundError:
+        raise BadInput(f"there is no file {file}") from None
+    except (tarfile.TarError, KeyError, ValueError, IsADirectoryError):
+        raise BadInput(f"{file}: is no update file") from None
+
+
 def make_key(secret: pathlib.Path, *options: str) -> pathlib.Path:
     """Make a pair of keys, the secret one for its owner alone; returns the public one. Without the option -W, minisign
     asks for a password."""
