@@ -20,13 +20,15 @@ struct answer {
 static const char *result(const struct request *request, const struct answer *answer) {
     const char tried = answer->tried[0];
 
+    if (answer->block.left && answer->block.slot == request->place.here)
+        return "trial"; /* also without a note, if /data was full */
     if (!tried)
         return "none";
     if (answer->result[0] && strcmp(answer->result, "begun") != 0)
         return answer->result;
     if (answer->block.slot != tried)
         return answer->block.failed == tried ? "returned" : "none";
-    return answer->block.left ? request->place.here == tried ? "trial" : "chosen" : "kept";
+    return answer->block.left ? "chosen" : "kept";
 }
 
 static void print_quoted(const char *text) {

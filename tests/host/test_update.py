@@ -334,6 +334,8 @@ def test_settings_that_cannot_be_written_are_no_obstacle(fresh: UpdateDisk) -> N
     done = fresh.run("start")
     assert done.returncode == 0 and "Read-only file system" in done.stderr
     assert fresh.block() == {"slot": "B", "left": "3"}
+    fresh.words("ddx.slot=B ddx.layout=1 ddx.counted=left=3")
+    assert json.loads(fresh.run("status", "-json").stdout)["last"] == "trial"
 
 
 def test_keys(tmp_path: pathlib.Path) -> None:
