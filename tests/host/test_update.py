@@ -258,6 +258,29 @@ def test_a_technician_takes_a_version_back(fresh: UpdateDisk) -> None:
     assert fresh.block() == {} and "seen=yes" in (fresh.place / "data/update").read_text()
 
 
+def test_an_older_version_by_request(fresh: UpdateDisk) -> None:
+    """`start` with the one that was there, and `write`, which chooses the running slot again."""
+    assert fresh.run("start", "-older").stdout == "slot B is started next: version 0.1.0 (former)\n"
+    assert fresh.block() == {"slot": "B", "left": "3"}
+    older = fresh.update(dataclasses.replace(NEW, serial="999"))
+    assert fresh.run("write", "-older", stdin=older).returncode == 0
+    assert fresh.block() == {} and fresh.slot("B").startswith(fresh.roots[NEW])
+
+
+def test_a_key_takes_the_place_of_another(fresh: UpdateDisk) -> None:
+    """An image has the new key before the old one is left out, which revokes that."""
+    keys, before = fresh.place / "etc/ddx/update-keys", fresh.content()
+    (keys / "new.pub").write_text(update_file.make_key(fresh.folder / "new.key", "-W").read_text())
+    files = {name: update_file.make(NEW, fresh.roots[NEW], fresh.folder / name) for name in ("test.key", "new.key")}
+    public = (keys / "test.pub").read_text()
+    (keys / "test.pub").unlink()
+    revoked = "signed with a key that this image does not trust"
+    refused(fresh, fresh.run("write", stdin=files["test.key"]), before, revoked)
+    (keys / "test.pub").write_text(public)
+    for file in files.values():
+        assert fresh.run("write", stdin=file).returncode == 0
+
+
 @pytest.mark.parametrize("block, counted, reason", [
     ({"slot": "B", "left": "2"}, "left=2", "the boot loader could not start slot B"),
     ({"begun": "1", "failed": "B"}, "begun=1", "it was started three times, and each time it stopped or hung"),
