@@ -10,7 +10,7 @@ import pytest
 from parts.common import run
 from parts.disk import mbr
 from parts.disk.disk import Disk
-from parts.guest import testdisk
+from parts.guest import guest_camera, testdisk
 from parts.guest.laptop import forward, free_port
 from parts.guest.qemu import Boot
 
@@ -98,6 +98,44 @@ def test_a_bad_version_is_taken_back(boot: Boot, root: pathlib.Path, tmp_path: p
         assert guest.environment() == {"failed": "B"}
         guest.sh("ddxctl update seen")
         assert "was taken back" not in guest.sh("ddxctl health || true") and guest.environment() == {}
+
+
+def with_camera(root: pathlib.Path) -> None:
+    """The kernel's test camera is plugged in at each boot."""
+    driver = root / "etc/init.d/S29camera"
+    driver.touch()
+    script(driver, '[ "$1" != start ] || modprobe vivid no_error_inj=0')
+
+
+def without_driver(root: pathlib.Path) -> None:
+    with_camera(root)
+    remove(root, "vivid.ko*")
+
+
+def test_a_version_without_the_camera_s_driver(boot: Boot, root: pathlib.Path, tmp_path: pathlib.Path) -> None:
+    """Both slots are changed: the older version has the driver."""
+    images = {"A": slot_image.make(root, tmp_path / "good.squashfs", with_camera),
+              "B": slot_image.make(root, tmp_path / "bad.squashfs", without_driver)}
+    disk = testdisk.make(tmp_path / "camera.img", None, {f"{guest_camera.GRABBER}.conf": guest_camera.LOOPED})
+    flows = f"ddxctl stats --json | grep -q '\"instance\":\"{guest_camera.GRABBER}\",\"in\":[1-9]'"
+
+    def fill(disk: Disk) -> None:
+        for slot, image in images.items():
+            disk.write(SLOT[slot], image.read_bytes())
+
+    with boot("no-camera", test_disk=disk, prepare=fill, extra=DOG, more_memory=256) as guest:
+        guest.shell()
+        guest.wait_until(flows)
+        guest.shell().begin("ddxctl update start")
+        for slot in "BA":
+            guest.wait_for_event("RESET", 900)
+            guest.reset()
+            guest.shell()
+            assert f"ddx.slot={slot}" in guest.sh("cat /proc/cmdline").split()
+        status = json.loads(guest.sh("ddxctl update status --json"))
+        assert status["last"] == "returned"
+        assert status["reason"] in (f"{guest_camera.GRABBER}: no new frame", "ddxvideosave: no new frame")
+        guest.wait_until(flows)
 
 
 @pytest.mark.parametrize("how", ["full", "lost"])
