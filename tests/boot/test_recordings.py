@@ -1,5 +1,6 @@
 # SPDX-License-Identifier: GPL-2.0-or-later
-"""Recordings are exported to a USB stick while the recorder goes on and loses nothing."""
+"""Recordings are exported to a USB stick, and an update is read from one, while the recorder goes on and loses
+nothing."""
 import json
 import pathlib
 import subprocess
@@ -8,11 +9,14 @@ from typing import Any
 
 import pytest
 
+import build
 from parts.common import PATIENCE, run
 from parts.guest.qemu import Guest
 from parts.media import counters, y4m
 from parts.media.recording import FileSystem
+from parts.release import update_file
 
+from . import slot_image
 from .conftest import STICK_MB
 
 pytestmark = pytest.mark.retry
@@ -110,6 +114,30 @@ def test_a_flipped_bit_is_found(recorder: Guest, work: pathlib.Path) -> None:
     recorder.sh(f"printf '\\{back:03o}' | dd of=/rec/{name} bs=1 seek={at - 1} conv=notrunc 2> /dev/null; sync")
     assert ctl(recorder, f"verify {name}")[0] == 0
     assert save_counters(recorder).lost_total == before.lost_total
+
+
+@pytest.mark.long
+def test_an_update_from_the_stick(recorder: Guest, stick: pathlib.Path, image: pathlib.Path, root: pathlib.Path,
+                                  tmp_path: pathlib.Path) -> None:
+    """The other slot is written while the machine records."""
+    if image != build.DEV / "disk.img":
+        pytest.skip("the key of this image's updates is not here")
+    new, file = slot_image.make(root, tmp_path / "new.squashfs"), tmp_path / "new.update"
+    file.write_bytes(update_file.make(update_file.release(new), new.read_bytes(), build.UPDATE_KEY))
+    for name in on_stick(stick):
+        run(["mdel", "-i", stick, f"::/{name}"])
+    run(["mcopy", "-i", stick, file, "::/robot.update"])
+    before = save_counters(recorder)
+    status, text = recorder.shell().run("ddxctl update usb", 2 * PATIENCE)
+    after = save_counters(recorder)
+    assert (status, text.splitlines()) == (0, [
+        f"slot B: version {slot_image.VERSION}; `ddxctl update start` restarts into it", "/dev/sda: may be removed"])
+    assert after.lost_total == before.lost_total and after.out > before.out
+    size = new.stat().st_size
+    read = f"dd if=$(/usr/libexec/ddx/own-partition 3) bs=4096 count={size // 4096} 2> /dev/null | sha256sum"
+    assert recorder.sh(read).split()[0] == run(["sha256sum", new]).split()[0]
+    assert recorder.shell().run("grep -q /run/update /proc/mounts")[0] == 1
+    run(["mdel", "-i", stick, "::/robot.update"])
 
 
 def test_a_stick_that_is_pulled_out_is_reported(recorder: Guest, stick: pathlib.Path) -> None:
