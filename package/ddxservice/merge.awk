@@ -1,11 +1,10 @@
 # SPDX-License-Identifier: GPL-2.0-or-later
 # Merges the settings files of `instance` of `program` for `service`; a later file overrides, key by key. Prints a line
-# each: `enabled` (`wrong`: a value was refused), `needs`, `once`, `oom_score_adj`, `mounted`, and the rest ready for a
-# shell's command line, every value in single quotes.
+# each: `enabled` (`wrong`: a value was refused), `needs`, `once`, and then the lines of the file for launch.c.
 
-function quoted(text) {
-	gsub(/\047/, "\047\\\047\047", text)
-	return "\047" text "\047"
+# Of a setting that the service itself uses; without a value, that is none.
+function put(name, text) {
+	if (text != "") print name "=" text
 }
 
 function tell(text) {
@@ -34,21 +33,25 @@ END {
 	print wrong ? "wrong" : (values["enabled"] == "no") ? "no" : "yes"
 	print values["needs"]
 	print (values["once"] == "yes") ? "yes" : "no"
-	print values["oom_score_adj"]
-	print values["mounted"]
-	line = (values["realtime"] == "") ? "" : "chrt -f " quoted(values["realtime"]) " "
-	line = line "chpst -u " quoted((values["user"] == "" ? "nobody" : values["user"]) ":ddx")
-	if (values["priority"] != "") line = line " -n " quoted(values["priority"])
+	put("user", values["user"] == "" ? "nobody" : values["user"])
+	put("group", "ddx")
+	put("nice", values["priority"])
+	put("realtime", values["realtime"])
+	put("oom_score_adj", values["oom_score_adj"])
 	# Of what the program allocates: the store's memory, which all programs map, does not count.
-	if (values["memory_limit"] != "") line = line " -d " int(values["memory_limit"]) * 1024 * 1024
-	# no further privileges, not even from a program with the set-user-ID bit
-	line = line " setpriv --nnp " quoted("/usr/bin/" program)
-	if (values["argument"] != "") line = line " " quoted(values["argument"])
-	if (instance != program) line = line " -instance " quoted(instance)
+	if (values["memory_limit"] != "") printf "memory_limit=%.0f\n", int(values["memory_limit"]) * 1024 * 1024
+	put("mounted", values["mounted"])
+	put("argument", "/usr/bin/" program)
+	put("argument", values["argument"])
+	if (instance != program) {
+		put("argument", "-instance")
+		put("argument", instance)
+	}
 	for (i = 1; i <= count; i++) {
 		key = order[i]
 		if (key ~ /^(enabled|needs|once|oom_score_adj|mounted|memory_limit|user|priority|realtime|argument)$/) continue
-		line = line " -" key (values[key] == "" ? "" : " " quoted(values[key]))
+		put("argument", "-" key)
+		put("argument", values[key])
 	}
-	print line
+	print "end"
 }

@@ -13,9 +13,9 @@ pytestmark = pytest.mark.retry
 # Supervisors, mount scripts, the shells that the test's provisioning file opened, and `console` without input, which
 # only waits.
 ROOTS = {"init", "recordings-disk", "runsvdir", "runsv", "mdev", "sh", "console", "sleep", "grep", "readlink"}
-# For milliseconds at its start a service is each of the first three programs. BusyBox' timeout, which the tests use,
+# For milliseconds at its start a service is `run`, libexec/ddx/launch. BusyBox' timeout, which the tests use,
 # stays for a second after its program.
-PASSING = {"run", "chpst", "setpriv", "timeout"}
+PASSING = {"run", "timeout"}
 REALTIME = {"ddxlog", "ddxvideoV4L", "ddxvideosave"}
 SWITCHED_ON = ("ddxlog", "ddxvideosend", "ddxdecode", "ddxcatalog")
 OWN = {"ddxstore": 901, "ddxstore-worker": 901, "ddxvideosave": 903, "ddxvideoV4L": 904, "ddxvideosend": 905,

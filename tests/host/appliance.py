@@ -14,11 +14,11 @@ import pytest
 from parts.common import MORTAL
 from parts.image import busybox, rootfs
 
-from .programs import TOP, library_folder
+from .programs import ROOT, TOP, library_folder
 
 USERS = {"root": 0, "ddxhealth": 901, "ddxlog": 902}
 GROUPS = {"root": 0, "ddx": 900}
-SERVICE = ("finish", "folder", "merge.awk", "mounted", "service", "settings.awk")
+SERVICE = ("finish", "folder", "merge.awk", "service", "settings.awk")
 SETUP = 'mount --bind "$0" "$0" && cd / && mount --rbind /dev "$0/dev" && mount -t proc proc "$0/proc" && ' \
         'exec chroot "$0" sh -c "echo ready && exec cat"'
 
@@ -51,6 +51,7 @@ class Appliance:
         for script in SERVICE:
             self.install(f"package/ddxservice/{script}", f"usr/libexec/ddx/{script}")
         self.install("overlay/usr/libexec/ddx/init-action", "usr/libexec/ddx/init-action")
+        shutil.copy(ROOT / "libexec/ddx/launch", self.root / "usr/libexec/ddx/launch")
 
     def add(self, to: str, text: str) -> None:
         path = self.root / to

@@ -14,7 +14,8 @@ from parts.release import manual, manual_calls, manual_programs
 
 pytestmark = pytest.mark.retry
 
-NOT_ON_A_DESK = {"serial", "confine", "ddxgrow", "ddxpanel", "ddxupdate", "panel-certificate"}  # only in the appliance
+# Only in the appliance.
+NOT_ON_A_DESK = {"serial", "confine", "launch", "ddxgrow", "ddxpanel", "ddxupdate", "panel-certificate"}
 
 
 def programs() -> set[str]:

@@ -49,15 +49,16 @@ def test_root_does_not_write_into_a_log_folder_of_another_user(appliance: Applia
     assert (appliance.root / "secret").read_text() == SECRET
 
 
-def test_arguments_of_network_services_are_quoted(appliance: Appliance) -> None:
+def test_arguments_of_network_services_stay_words(appliance: Appliance) -> None:
     appliance.install("overlay/etc/init.d/S18network", "etc/init.d/S18network")
     (appliance.root / "run/provision").write_text("ntp=10.0.0.1 time.example\nnetwork=eth0 10.0.0.2/24 10.0.0.1\n")
     assert appliance.run("/etc/init.d/S18network start") == (0, "Starting network: OK\n")
-    runs = [appliance.root / f"run/service/{name}/run" for name in ("ntp", "network.eth0")]
-    assert [run.read_text().splitlines()[-1] for run in runs] == [
-        "exec '/usr/libexec/ddx/confine' 'sys_time' 'ntpd' '-n' '-p' '10.0.0.1' '-p' 'time.example'",
-        "exec '/usr/libexec/ddx/confine' 'net_admin,net_raw,net_bind_service' '/usr/libexec/ddx/network' 'eth0' "
-        "'10.0.0.2/24' '10.0.0.1'"]
+    files = [appliance.root / f"run/service/{name}/launch" for name in ("ntp", "network.eth0")]
+    found = [file.read_text().replace("\nargument=", " ") for file in files]
+    confine = "user=root /usr/libexec/ddx/confine"
+    assert found == [
+        f"{confine} sys_time ntpd -n -p 10.0.0.1 -p time.example\nend\n",
+        f"{confine} net_admin,net_raw,net_bind_service /usr/libexec/ddx/network eth0 10.0.0.2/24 10.0.0.1\nend\n"]
 
 
 def test_logs_are_read_with_the_rights_of_their_writer(appliance: Appliance) -> None:

@@ -88,7 +88,7 @@ def test_a_program_with_unknown_start_time_is_delayed(service: Appliance, begin:
     if begin is not None:
         (folder / "begin").write_text(begin)
     for restarts, delay in enumerate(["0", "1"], start=1):
-        status, text = service.run(f"cd /{THING} && ./finish 1")
+        status, text = service.run(f"cd /{THING} && ./finish 1 0")
         assert (status, text) == (0, "")
         assert (folder / "restarts").read_text() == f"{restarts}\n" and (folder / "delay").read_text() == f"{delay}\n"
 

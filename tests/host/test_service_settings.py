@@ -217,16 +217,3 @@ def test_add_takes_settings_only(appliance: Appliance) -> None:
     assert appliance.run(f"/usr/libexec/ddx/control add thing.{'a' * 249} name=x")[0] == 1
     assert appliance.run("ls -A /data/ddx /run/service; ls -A /run")[1].split() == [
         "/data/ddx:", "/run/service:", "log", "service", "settings"]
-
-
-def test_values_in_a_script_are_quoted(appliance: Appliance) -> None:
-    """Values that S18network and `service` insert into root's scripts stay one word."""
-    (appliance.root / "text").write_text("\n".join(COMMANDS) + "\n")
-    assert appliance.run("""
-        . /usr/libexec/ddx/folder
-        while read -r text; do
-            quote "$text"
-            echo "echo $quoted"
-        done < /text > /script
-        sh /script""") == (0, "\n".join(COMMANDS) + "\n")
-    assert not (appliance.root / "x").exists()
