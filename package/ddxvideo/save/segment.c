@@ -7,6 +7,7 @@
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
+#include <sys/mman.h>
 #include <sys/stat.h>
 #include <unistd.h>
 
@@ -153,9 +154,12 @@ static void count_found(struct pool *pool, DDX_STATS_BOOK *book) {
 
 static int open_pooled(const struct output *output, struct pool *pool, uint32_t session, struct segment *segment) {
     segment->latency = calloc(INDEX_ENTRIES, sizeof *segment->latency);
-    if (!segment->latency || posix_memalign((void **)&segment->index, INDEX_BLOCK, sizeof *segment->index))
+    /* All zeros, and memory for a page is taken with its first entry: the index grows with its recording. */
+    void *index = mmap(NULL, sizeof *segment->index, PROT_READ | PROT_WRITE, MAP_PRIVATE | MAP_ANONYMOUS, -1, 0);
+    if (index != MAP_FAILED)
+        segment->index = index;
+    if (!segment->latency || !segment->index)
         return -ENOMEM;
-    memset(segment->index, 0, sizeof *segment->index);
     struct index_header *header = &segment->index->header;
     count_found(pool, segment->book);
     uint32_t number = pool_next_number(pool);
@@ -175,7 +179,8 @@ static int open_pooled(const struct output *output, struct pool *pool, uint32_t 
 }
 
 static void release(struct segment *segment) {
-    free(segment->index);
+    if (segment->index)
+        munmap(segment->index, sizeof *segment->index);
     free(segment->latency);
     free(segment->entries);
     free(segment);

@@ -5,6 +5,7 @@
 #include <fcntl.h>
 #include <stdlib.h>
 #include <string.h>
+#include <sys/mman.h>
 #include <sys/stat.h>
 #include <sys/statvfs.h>
 #include <time.h>
@@ -63,12 +64,14 @@ static int64_t pause_after(const struct pool *pool, int64_t took) {
 
 /* Writes each byte that has not been written yet. 0; -ECANCELED on a request to stop; or -errno. */
 static int fill(struct pool *pool, const struct pool_file *file) {
-    unsigned char *zeros;
     int error = pool_allocate(pool, file);
 
-    if (error || posix_memalign((void **)&zeros, INDEX_BLOCK, CHUNK))
-        return error ? error : -ENOMEM;
-    memset(zeros, 0, CHUNK);
+    if (error)
+        return error;
+    /* Never written, so that each of its pages is the kernel's page of zeros, and takes no memory. */
+    void *zeros = mmap(NULL, CHUNK, PROT_READ, MAP_PRIVATE | MAP_ANONYMOUS, -1, 0);
+    if (zeros == MAP_FAILED)
+        return -errno;
     for (uint64_t at = file->written; at < pool->bytes && !error;) {
         while (!pool->stop && pool->busy(pool->argument))
             pause_for(PAUSE);
@@ -82,7 +85,7 @@ static int fill(struct pool *pool, const struct pool_file *file) {
             at += (uint64_t)done;
         pause_for(pause_after(pool, ddx_time_now() - begin));
     }
-    free(zeros);
+    munmap(zeros, CHUNK);
     return error;
 }
 
