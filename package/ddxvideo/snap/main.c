@@ -1,10 +1,13 @@
 /* SPDX-License-Identifier: GPL-2.0-or-later */
-/* ddxvideosnap: the newest frame of a video item, or of all of them, as a picture file. */
+/* ddxvideosnap: the newest frame of a video item, or of all of them, as a picture file; or one after another. */
 #include <errno.h>
+#include <inttypes.h>
+#include <signal.h>
 #include <stdlib.h>
 #include <string.h>
 
 #include "image.h"
+#include "jpeg.h"
 #include "program.h"
 #include "text.h"
 
@@ -112,7 +115,7 @@ static int montage_caption(AVFrame *image, const struct montage_place *place, co
 struct snap {
     struct program program;
     const char *name, *path;
-    bool montage;
+    bool montage, answer;
     /* the pictures; their frames are held, so that they can be drawn without a copy */
     DDX_STORE_ITEM *item[MONTAGE_MAX];
     struct ddxvideo_picture picture[MONTAGE_MAX];
@@ -226,25 +229,164 @@ static int run(struct snap *snap, enum image_format format) {
     return status;
 }
 
+/* ---- Pictures for another program, on request ---- */
+
+#define ANSWER_WAIT 1.0 /* s for a newer frame */
+#define REQUEST 64      /* bytes of a line */
+
+struct wanted {
+    uint64_t after; /* the frame that the other program has; 0: none */
+    struct jpeg_form form;
+};
+
+struct answering {
+    DDX_STORE_ITEM *item;
+    struct jpeg_encoder encoder;
+    /* The last picture, which several may ask for. */
+    struct wanted made; /* `after` is its own number */
+    const unsigned char *bytes;
+    size_t size;
+};
+
+/* Hold the newest frame, if it is not the one that the other program has: after a loss of the store, numbers begin
+ * again. 0, -ETIMEDOUT: there is none, or another -errno. */
+static int hold_newer(DDX_STORE_ITEM *item, uint64_t after, struct ddx_frame *frame) {
+    struct ddx_item_info info;
+    int error = ddx_store_acquire(item, frame, 0, DDX_CURRENT);
+
+    if (!error && frame->sequence == after) {
+        ddx_store_release(item);
+        error = -ETIMEDOUT;
+    }
+    if (error == -ETIMEDOUT)
+        error = ddx_store_acquire(item, frame, ANSWER_WAIT, DDX_NEXT);
+    if (error == -ETIMEDOUT && ddx_store_item_info(item, &info))
+        error = -ECONNREFUSED; /* or no frame would ever come */
+    return error;
+}
+
+/* Encode a frame that is held, once for all that ask for the same. */
+static int make(struct answering *answering, const struct ddxvideo_picture *picture, uint64_t sequence,
+                const struct jpeg_form *form) {
+    const struct wanted *made = &answering->made;
+
+    if (made->after == sequence && made->form.quality == form->quality && made->form.divisor == form->divisor)
+        return 0;
+    answering->made = (struct wanted){.after = 0};
+    int error = jpeg_encode(&answering->encoder, picture, form, &answering->bytes, &answering->size);
+    if (!error)
+        answering->made = (struct wanted){sequence, *form};
+    return error;
+}
+
+static int answer_with_picture(struct answering *answering, const struct ddx_frame *frame,
+                               const struct jpeg_form *form) {
+    struct ddxvideo_picture picture;
+    int error = ddxvideo_view_any(answering->item, frame->data, &picture);
+
+    if (!error)
+        error = make(answering, &picture, frame->sequence, form);
+    if (error)
+        return error;
+    int64_t age = (ddx_time_now() - (picture.stamp.time ? picture.stamp.time : frame->time)) / 1000;
+    printf("picture %" PRIu64 " %d %" PRId64 " %" PRId64 " %zu\n", frame->sequence, picture.stamp.frame,
+           age > 0 ? age : 0, picture.stamp.source_lost, answering->size);
+    fwrite(answering->bytes, 1, answering->size, stdout);
+    return 0;
+}
+
+/* A line of request: "AFTER QUALITY DIVISOR". */
+static bool read_request(struct wanted *wanted) {
+    char line[REQUEST], end;
+
+    if (!fgets(line, sizeof line, stdin))
+        return false;
+    if (line[strspn(line, "0123456789 \n")] || *line == ' ' ||
+        sscanf(line, "%20" SCNu64 " %2d %1d%c", &wanted->after, &wanted->form.quality, &wanted->form.divisor, &end) !=
+            4 ||
+        end != '\n' || wanted->form.quality < JPEG_BEST || wanted->form.quality > JPEG_SMALLEST ||
+        wanted->form.divisor < 1 || wanted->form.divisor > 2)
+        program_bad_usage("a request is AFTER QUALITY DIVISOR: a frame's number, %d to %d, 1 or 2", JPEG_BEST,
+                          JPEG_SMALLEST);
+    return true;
+}
+
+/* Returns after a refusal: its reason may be a store that was lost, and the next start connects to the new one. */
+static int answer_all(struct snap *snap) {
+    DDX_STORE_ID *id = ddx_store_open(NULL, (int)snap->program.port, 1.0);
+    int error = id ? 0 : -errno;
+    struct answering answering = {.item = id ? ddx_store_lookup_item(id, snap->name, NULL, 0) : NULL};
+    struct wanted wanted;
+
+    if (!error && !answering.item)
+        error = -errno;
+    while ((!error || error == -ETIMEDOUT) && !ferror(stdout) && read_request(&wanted)) {
+        struct ddx_frame frame;
+
+        error = hold_newer(answering.item, wanted.after, &frame);
+        if (!error) {
+            error = answer_with_picture(&answering, &frame, &wanted.form);
+            ddx_store_release(answering.item);
+        }
+        if (error == -ETIMEDOUT)
+            puts("nothing");
+        if (fflush(stdout))
+            break;
+    }
+    bool refused = error && error != -ETIMEDOUT;
+    if (refused) {
+        printf("refused %s\n", as_420_error(error));
+        fflush(stdout);
+    }
+    jpeg_close(&answering.encoder);
+    ddx_store_close(id);
+    return refused || ferror(stdout) ? EXIT_FAILED : EXIT_OK;
+}
+
+/* ---- Program ---- */
+
 int main(int argc, char **argv) {
     static struct snap snap = {.name = "video"};
     const struct option_entry options[] = {
         {"name", "ITEM", "the video item (default: video)", OPTION_NAME, &snap.name, 0, 0},
         {"montage", NULL, "all video items side by side, with name, frame and age", OPTION_FLAG, &snap.montage, 0, 0},
+        {"answer", NULL, "pictures on request, for another program, instead of FILE; see below", OPTION_FLAG,
+         &snap.answer, 0, 0},
         {NULL, NULL, NULL, OPTION_FLAG, NULL, 0, 0},
     };
 
     snap.program = (struct program){
         .name = "ddxvideosnap",
         .positional = "FILE",
+        .optional = true,
         .purpose = "The newest frame of a video item as a picture: .ppm, .png or .jpg, by the name of FILE. An\n"
                    "existing file is replaced when the new one is complete.",
-        .notes = "A single picture has the pixels of the frame; in a montage pictures keep their shape.",
+        .notes =
+            "A single picture has the pixels of the frame; in a montage pictures keep their shape.\n"
+            "\n"
+            "With -answer, each line of standard input is a request: AFTER QUALITY DIVISOR, for example 0 6 1.\n"
+            "AFTER is the number of the frame that the other program has, QUALITY is 2 (the best) to 31, DIVISOR\n"
+            "1, or 2 for half the width and height. The answer on standard output is one of:\n"
+            "  picture SEQUENCE FRAME AGE LOST BYTES\n"
+            "           and that many bytes, the newest frame as JPEG: its number in the store, from 1; its number\n"
+            "           in the source's count; its age, in us; the frames that the source has lost so far\n"
+            "  nothing  there is no other frame than AFTER within a second\n"
+            "  refused REASON\n"
+            "           the item cannot be shown, for example because there is none; the program exits with 1",
         .options = options,
         .brief = true,
     };
     program_start(&snap.program, argc, argv);
     snap.path = snap.program.argument;
+    if (snap.answer) {
+        if (snap.path || snap.montage)
+            program_bad_usage("-answer takes neither -montage nor a file");
+        signal(SIGTERM, SIG_DFL); /* there is nothing to finish */
+        signal(SIGINT, SIG_DFL);
+        return snap.program.check ? EXIT_OK : answer_all(&snap);
+    }
+    if (!snap.path)
+        program_bad_usage("FILE is missing");
     enum image_format format = image_format_of(snap.path);
     if (!format)
         program_bad_usage("%s: a name that ends in .ppm, .png or .jpg is needed", snap.path);
