@@ -13,6 +13,7 @@
 #include "guard.h"
 #include "message.h"
 #include "order.h"
+#include "picture.h"
 #include "session.h"
 #include "words.h"
 
@@ -68,6 +69,21 @@ static void check_order(const struct scgi *request) {
         assert(*words.word[i] != '-' && !strpbrk(words.word[i], "/ ;$`'\"\\*?"));
 }
 
+static void check_picture(const char *address) {
+    static const char path[] = "/panel/picture/";
+    struct picture_wanted wanted;
+    struct picture_said said;
+    if (!address)
+        return;
+    if (picture_hear(&said, address))
+        assert(said.kind != PICTURE_NEW || (said.sequence && said.size && said.size <= PICTURE_MAX));
+    if (strncmp(address, path, strlen(path)) || !picture_parse(&wanted, address + strlen(path)))
+        return;
+    assert(*wanted.item && strlen(wanted.item) <= PICTURE_ITEM && !strpbrk(wanted.item, " /\n"));
+    assert(wanted.form.quality >= PICTURE_BEST && wanted.form.quality <= PICTURE_SMALLEST);
+    assert(wanted.form.divisor == 1 || wanted.form.divisor == 2);
+}
+
 static void check_message(const uint8_t *data, size_t size) {
     struct message_request *request = calloc(1, size < sizeof *request ? sizeof *request : size);
     const char *words[MESSAGE_WORDS + 1], *command[ORDER_WORDS], *reason;
@@ -100,5 +116,6 @@ int LLVMFuzzerTestOneInput(const uint8_t *data, size_t size) {
     check_guard(&request);
     check_cookie(scgi_value(&request, "HTTP_COOKIE"));
     check_order(&request);
+    check_picture(scgi_value(&request, "REQUEST_URI"));
     return 0;
 }

@@ -37,6 +37,7 @@ static bool same(const char *one, const char *other) {
 static void test_orders(void) {
     CHECK(same(ORDER("health"), "/usr/bin/ddxctl health --json"));
     CHECK(same(ORDER("services"), "/usr/bin/ddxctl services --json"));
+    CHECK(same(ORDER("items"), "/usr/bin/ddxctl list --json"));
     CHECK(same(ORDER("restart", "ddxvideosend.rear"), "/usr/bin/ddxctl restart ddxvideosend.rear"));
     CHECK(same(ORDER("machine", "off"), "/sbin/poweroff"));
 }

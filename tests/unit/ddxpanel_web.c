@@ -2,6 +2,7 @@
 /* The panel's web process: requests of lighttpd, words of orders, sessions. */
 #include "check.h"
 #include "guard.h"
+#include "picture.h"
 #include "scgi.h"
 #include "session.h"
 #include "words.h"
@@ -268,6 +269,91 @@ static void test_sessions(void) {
     CHECK_EQUAL(find(&sessions, 300, text[1]), 2); /* the place of the ended one was taken */
 }
 
+#define LONGEST_ITEM "123456789.123456789.123456789.123456789.123456789.123456789.123"
+
+static bool wants(const char *text, const char *item, uint64_t after, int quality, int divisor) {
+    struct picture_wanted wanted;
+
+    return picture_parse(&wanted, text) && !strcmp(wanted.item, item) && wanted.after == after &&
+           wanted.form.quality == quality && wanted.form.divisor == divisor;
+}
+
+static void test_pictures_that_are_wanted(void) {
+    static const char *const wrong[] = {"",
+                                        "?after=1",
+                                        "/etc/passwd",
+                                        "a/b",
+                                        "a%2fb",
+                                        "a b",
+                                        "a%20b",
+                                        "a%0ab",
+                                        "a%00b",
+                                        "a%7f",
+                                        "a%",
+                                        "a%4",
+                                        "a%4g",
+                                        "a%-1",
+                                        "m\xfc",
+                                        LONGEST_ITEM "4",
+                                        "video?",
+                                        "video?after=",
+                                        "video?after=-1",
+                                        "video?after=+1",
+                                        "video?after= 1",
+                                        "video?after=1x",
+                                        "video?after=99999999999999999999",
+                                        "video?quality=1",
+                                        "video?quality=32",
+                                        "video?divisor=0",
+                                        "video?divisor=3",
+                                        "video?after=1&",
+                                        "video?after=1&&quality=3",
+                                        "video?more=1",
+                                        "video?after=1?quality=3",
+                                        "video?after",
+                                        "video&after=1 "};
+    struct picture_wanted wanted;
+
+    CHECK(wants("video", "video", 0, 6, 1));
+    CHECK(wants("video?after=12&quality=16&divisor=2", "video", 12, 16, 2));
+    CHECK(wants("video?divisor=2&after=9223372036854775807", "video", INT64_MAX, 6, 2));
+    CHECK(wants("carol%3Avideo.rear?quality=2", "carol:video.rear", 0, 2, 1));
+    CHECK(wants("-name", "-name", 0, 6, 1)); /* it follows an option, and is none */
+    CHECK(wants(LONGEST_ITEM, LONGEST_ITEM, 0, 6, 1));
+    for (size_t i = 0; i < sizeof wrong / sizeof *wrong; i++)
+        if (picture_parse(&wanted, wrong[i]))
+            CHECK_EQUAL(i, 1000);
+}
+
+static void test_pictures_that_are_heard(void) {
+    static const char *const wrong[] = {"",
+                                        "picture",
+                                        "picture ",
+                                        "picture 1 2 3 4",
+                                        "picture 1 2 3 4 5 6",
+                                        "picture 0 2 3 4 5",
+                                        "picture 1 2 3 4 0",
+                                        "picture 1 2 3 4 -5",
+                                        "picture -1 2 3 4 5",
+                                        "picture 1 2 3 4 5x",
+                                        "picture 1 2 3 4 99999999999999999999",
+                                        "picture a 2 3 4 5",
+                                        "nothing else",
+                                        "refused"};
+    struct picture_said said;
+
+    CHECK(picture_hear(&said, "picture 1234567890123 -7 40000 3 1048576"));
+    CHECK(said.kind == PICTURE_NEW && said.sequence == 1234567890123 && said.frame == -7 && said.age == 40000);
+    CHECK(said.lost == 3 && said.size == PICTURE_MAX);
+    CHECK(picture_hear(&said, "picture 1 2 3 4 1048577") && said.kind == PICTURE_TOO_LARGE);
+    CHECK(picture_hear(&said, "nothing") && said.kind == PICTURE_NOTHING);
+    CHECK(picture_hear(&said, "refused for a reason") && said.kind == PICTURE_REFUSED);
+    CHECK(!strcmp(said.reason, "for a reason"));
+    for (size_t i = 0; i < sizeof wrong / sizeof *wrong; i++)
+        if (picture_hear(&said, wrong[i]))
+            CHECK_EQUAL(i, 1000);
+}
+
 int main(void) {
     test_a_request_is_complete_with_its_last_byte();
     test_what_is_not_a_request();
@@ -277,5 +363,7 @@ int main(void) {
     test_cookies();
     test_words();
     test_sessions();
+    test_pictures_that_are_wanted();
+    test_pictures_that_are_heard();
     return 0;
 }

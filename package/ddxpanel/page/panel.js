@@ -87,14 +87,23 @@ function gone(text) {
 	}, 5000);
 }
 
+// The text of a part of the address, which a visitor may have typed.
+function plain(text) {
+	try {
+		return decodeURIComponent(text);
+	} catch {
+		return "";
+	}
+}
+
 function choose() {
 	if (pages.hidden) return;
-	const [wanted, argument] = location.hash.slice(1).split("/");
+	const [wanted, argument] = location.hash.slice(1).split("/").map(plain);
 	const name = Object.hasOwn(VIEWS, wanted) ? wanted : "health";
 	for (const link of pages.children)
 		if (link.hash === `#${name}`) link.setAttribute("aria-current", "page");
 		else link.removeAttribute("aria-current");
-	shown = { busy: false, ...VIEWS[name][1](view, argument || "ddxstore", gone) };
+	shown = { busy: false, ...VIEWS[name][1](view, argument, gone) };
 	view.focus();
 	refresh();
 }

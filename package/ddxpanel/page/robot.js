@@ -31,6 +31,16 @@ export function logOut() {
 	return post("logout", "");
 }
 
+// The next picture of an item after this one, in this form ({ quality, divisor }). sequence: null if there is none yet.
+export async function picture(item, after, { quality, divisor }) {
+	const query = `after=${after}&quality=${quality}&divisor=${divisor}`;
+	const answer = await fetch(`/panel/picture/${encodeURIComponent(item)}?${query}`);
+	if (!answer.ok) throw new Refused(answer.status, (await answer.text()).trim());
+	const number = (name) => Number(answer.headers.get(name));
+	return { sequence: answer.status === 200 ? number("X-Sequence") : null, frame: number("X-Frame"), age: number("X-Age"),
+		lost: number("X-Lost"), waited: number("X-Waited"), body: () => answer.blob() };
+}
+
 // Execute an order; each line of its output goes to take() as it comes. How it ended: { end: "exited", status: 0 }. The
 // last line is the panel's; a line that looks like it but is followed by another one is the program's.
 export async function order(words, take = () => {}) {

@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: GPL-2.0-or-later
 // The pages. Each has show(place), which fills the place and returns a function that refreshes it, with `every`, s.
 import { age, armed, element, notice } from "./dom.js";
+import { live } from "./live.js";
 import { change, order } from "./robot.js";
 
 const PURPOSES = {
@@ -140,7 +141,8 @@ function services(place) {
 
 // ---- Messages ----
 
-function messages(place, name) {
+function messages(place, argument) {
+	const name = argument || "ddxstore";
 	const text = element("pre", {}, "..."), select = element("select", { id: "service", "aria-label": "Service" });
 	const fill = () => {
 		const names = (known.services ? known.services.lines.map((one) => one.name) : [name]).concat("lastboot");
@@ -209,6 +211,7 @@ function machine(place, words, gone) {
 export const VIEWS = {
 	health: ["Health", health],
 	services: ["Services", services],
+	picture: ["Picture", (place, item) => live(place, item || "video")],
 	messages: ["Messages", messages],
 	report: ["Report", report],
 	machine: ["Machine", machine],

@@ -12,6 +12,7 @@
 static const struct order orders[] = {
     {"health", {CTL, "health", "--json"}, 60, 64 * KIB, false},
     {"services", {CTL, "services", "--json"}, 30, 64 * KIB, false},
+    {"items", {CTL, "list", "--json"}, 30, 256 * KIB, false},
     {"logs SERVICE", {CTL, "logs"}, 30, 256 * KIB, false},
     {"report", {CTL, "report"}, 120, 16 * MIB, false},
     {"enable SERVICE", {CTL, "enable"}, 60, 64 * KIB, true},

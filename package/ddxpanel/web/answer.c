@@ -2,6 +2,7 @@
 #include "answer.h"
 
 #include <errno.h>
+#include <inttypes.h>
 #include <stdarg.h>
 #include <stdio.h>
 #include <string.h>
@@ -13,14 +14,23 @@
 #include "words.h"
 
 #define COOKIE "__Host-panel"
+#define TEXT "text/plain; charset=utf-8"
+#define JSON "application/json; charset=utf-8"
 #define COOKIE_RULES "; Path=/; Secure; HttpOnly; SameSite=Strict"
 
 static const struct {
     unsigned status;
     const char *text;
-} reasons[] = {{200, "OK"},           {301, "Moved Permanently"}, {400, "Bad Request"},
-               {401, "Unauthorized"}, {403, "Forbidden"},         {404, "Not Found"},
-               {405, "Not Allowed"},  {413, "Content Too Large"}, {429, "Too Many Requests"}};
+} reasons[] = {{200, "OK"},
+               {204, "No Content"},
+               {301, "Moved Permanently"},
+               {400, "Bad Request"},
+               {401, "Unauthorized"},
+               {403, "Forbidden"},
+               {404, "Not Found"},
+               {405, "Not Allowed"},
+               {413, "Content Too Large"},
+               {429, "Too Many Requests"}};
 
 static const char *reason(unsigned status) {
     for (size_t i = 0; i < sizeof reasons / sizeof reasons[0]; i++)
@@ -44,12 +54,12 @@ __attribute__((format(printf, 2, 3))) static void add(struct answer *answer, con
 static void begin(struct answer *answer, unsigned status, const char *type) {
     answer->size = 0;
     answer->order = -1;
-    add(answer, "Status: %u %s\r\nContent-Type: %s; charset=utf-8\r\nCache-Control: no-store\r\n", status,
-        reason(status), type);
+    answer->is_picture = false;
+    add(answer, "Status: %u %s\r\nContent-Type: %s\r\nCache-Control: no-store\r\n", status, reason(status), type);
 }
 
 void answer_refuse(struct answer *answer, unsigned status, const char *text) {
-    begin(answer, status, "text/plain");
+    begin(answer, status, TEXT);
     add(answer, "\r\n%s\n", text);
 }
 
@@ -96,7 +106,7 @@ static int log_in(struct visitors *visitors, const struct scgi *request, struct 
     explicit_bzero(&message, sizeof message);
     if (error)
         return error;
-    begin(answer, got.status, "application/json");
+    begin(answer, got.status, JSON);
     if (got.status == 200) {
         if (session_begin(&visitors->sessions, clock_ms() / 1000, secret) < 0)
             return -EIO;
@@ -127,7 +137,7 @@ static int order(struct visitors *visitors, const struct scgi *request, unsigned
         answer_refuse(answer, got.status, got.reason);
         return 0;
     }
-    begin(answer, 200, "text/plain");
+    begin(answer, 200, TEXT);
     add(answer, "\r\n");
     answer->order = output;
     return 0;
@@ -135,7 +145,7 @@ static int order(struct visitors *visitors, const struct scgi *request, unsigned
 
 static void log_out(struct visitors *visitors, unsigned session, struct answer *answer) {
     session_end(&visitors->sessions, session);
-    begin(answer, 200, "application/json");
+    begin(answer, 200, JSON);
     add(answer, "Set-Cookie: " COOKIE "=; Max-Age=0" COOKIE_RULES "\r\n\r\n{}\n");
 }
 
@@ -144,28 +154,66 @@ static void lead_to_tls(const struct scgi *request, struct answer *answer) {
     const char *host = scgi_value(request, "HTTP_HOST");
     int length = (int)(*host == '[' ? strcspn(host, "]") + 1 : strcspn(host, ":"));
 
-    begin(answer, 301, "text/plain");
+    begin(answer, 301, TEXT);
     add(answer, "Location: https://%.*s/\r\n\r\n", length, host);
 }
 
-enum path { PATH_LOGIN, PATH_LOGOUT, PATH_ORDER, PATH_SESSION };
+void answer_picture(struct answer *answer, const struct picture_said *said, int64_t waited) {
+    if (said->kind == PICTURE_NOTHING) {
+        answer->size = 0;
+        answer->is_picture = false;
+        add(answer, "Status: 204 %s\r\nCache-Control: no-store\r\n", reason(204));
+    } else {
+        begin(answer, 200, "image/jpeg");
+        add(answer, "Content-Length: %zu\r\nX-Sequence: %" PRIu64 "\r\nX-Frame: %" PRId64 "\r\n", said->size,
+            said->sequence, said->frame);
+        add(answer, "X-Age: %" PRId64 "\r\nX-Lost: %" PRId64 "\r\n", said->age / 1000, said->lost);
+    }
+    add(answer, "X-Waited: %" PRId64 "\r\n\r\n", waited);
+}
+
+/* Only noted here: who waits for it, waits for the item's process. */
+static void picture(const char *text, struct answer *answer) {
+    if (!picture_parse(&answer->wanted, text)) {
+        answer_refuse(answer, 400, "not a picture");
+        return;
+    }
+    answer->size = 0;
+    answer->is_picture = true;
+}
+
+enum path { PATH_LOGIN, PATH_LOGOUT, PATH_ORDER, PATH_SESSION, PATH_PICTURE, PATHS };
+
+/* The path of an address; for a picture, *rest is what follows. PATHS: there is no such one. */
+static enum path find_path(const char *wanted, const char **rest) {
+    static const char *const paths[PATHS] = {"/panel/login", "/panel/logout", "/panel/order", "/panel/session",
+                                             "/panel/picture/"};
+    enum path path = 0;
+
+    while (path < PATHS) {
+        size_t length = strlen(paths[path]);
+
+        *rest = wanted + length;
+        if (!strncmp(wanted, paths[path], length) && (path == PATH_PICTURE || !**rest))
+            break;
+        path++;
+    }
+    return path;
+}
 
 int answer_request(struct visitors *visitors, const struct scgi *request, struct answer *answer) {
-    static const char *const paths[] = {"/panel/login", "/panel/logout", "/panel/order", "/panel/session"};
-    const char *wanted = scgi_value(request, "REQUEST_URI");
+    const char *wanted = scgi_value(request, "REQUEST_URI"), *rest = "";
     char hostname[256] = "";
-    unsigned path = 0;
+    enum path path = wanted ? find_path(wanted, &rest) : PATHS;
 
-    while (path < sizeof paths / sizeof paths[0] && (!wanted || strcmp(wanted, paths[path]) != 0))
-        path++;
     gethostname(hostname, sizeof hostname - 1);
     const char *port = scgi_value(request, "SERVER_PORT"), *host = scgi_value(request, "HTTP_HOST");
     if (port && !strcmp(port, "80") && host && guard_host(host, hostname)) {
         lead_to_tls(request, answer);
         return 0;
     }
-    unsigned refused = guard_request(request, hostname, path != PATH_SESSION);
-    if (refused || path == sizeof paths / sizeof paths[0]) {
+    unsigned refused = guard_request(request, hostname, path != PATH_SESSION && path != PATH_PICTURE);
+    if (refused || path == PATHS) {
         answer_refuse(answer, refused ? refused : 404, refused == 403 ? "not from this page" : "there is no such page");
         return 0;
     }
@@ -182,7 +230,11 @@ int answer_request(struct visitors *visitors, const struct scgi *request, struct
         log_out(visitors, session, answer);
         return 0;
     }
-    begin(answer, 200, "text/plain");
+    if (path == PATH_PICTURE) {
+        picture(rest, answer);
+        return 0;
+    }
+    begin(answer, 200, TEXT);
     add(answer, "\r\n%s\n", hostname);
     return 0;
 }

@@ -6,6 +6,7 @@
 #include <stddef.h>
 
 #include "message.h"
+#include "picture.h"
 #include "scgi.h"
 #include "session.h"
 
@@ -19,11 +20,16 @@ struct visitors {
 struct answer {
     char text[ANSWER_TEXT]; /* for the web server */
     size_t size;
-    int order; /* socket from which the rest comes, see struct message_end; -1: that was all */
+    int order;       /* socket from which the rest comes, see struct message_end; -1: that was all */
+    bool is_picture; /* it is to be answered when there is a picture: */
+    struct picture_wanted wanted;
 };
 
 /* Answer a complete request. 0; -errno: the process of root does not answer, this one has no use any more. */
 int answer_request(struct visitors *visitors, const struct scgi *request, struct answer *answer);
+
+/* Answer with the headers of a picture, or of none if `said` has none, after waiting for that many ms. */
+void answer_picture(struct answer *answer, const struct picture_said *said, int64_t waited);
 
 /* Answer with a status and a line of text. */
 void answer_refuse(struct answer *answer, unsigned status, const char *reason);
