@@ -15,9 +15,9 @@ from parts.guest.laptop import forward, free_port
 from parts.guest.panel import PASSPHRASE, Phone
 from parts.guest.qemu import Boot, Guest
 
+from .networked import Robot
 from .outsider import IP4, IPV4, UDP, Outsider, ethernet, ip
 from .test_ports import outsider as outsider  # a fixture
-from .test_ssh import Robot
 
 pytestmark = [pytest.mark.retry, pytest.mark.long]
 

@@ -27,7 +27,7 @@ REFUSED = {
     "is contradictory: twice user": f"user=root\n{WHOLE}",
     "has no user": f"group=ddx\n{PROGRAM}end\n",
     "has no value for user": f"user=\n{PROGRAM}end\n",
-    "there is no user nobody": f"user=nobody\n{PROGRAM}end\n",
+    "there is no user guest7": f"user=guest7\n{PROGRAM}end\n",
     "there is no group none": f"user=ddxlog\ngroup=none\n{PROGRAM}end\n",
     "has no path of a program": "user=ddxlog\nend\n",
     "has no path of a program ": "user=ddxlog\nargument=thing\nend\n",

@@ -116,8 +116,8 @@ def test_refusals(played: Desk) -> None:
         answering.ask(request)
         status, out, errors = answering.end()
         assert (status, out, errors.count(b"\n")) == (2, b"", 1), request
-    for words in (["-answer", "x.jpg"], ["-answer", "-montage"], []):
-        assert played.run("ddxvideosnap", *words).returncode == 2
+    for given in ("-answer x.jpg", "-answer -montage", ""):
+        assert played.run("ddxvideosnap", *given.split()).returncode == 2
     # A store that is lost, at once or soon.
     answering = Answering(played)
     assert answering.ask("0 6 1")[0][0] == "picture"

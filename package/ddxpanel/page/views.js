@@ -1,7 +1,6 @@
 // SPDX-License-Identifier: GPL-2.0-or-later
 // The pages. Each has show(place), which fills the place and returns a function that refreshes it, with `every`, s.
 import { age, armed, element, notice } from "./dom.js";
-import { live } from "./live.js";
 import { change, order } from "./robot.js";
 
 const PURPOSES = {
@@ -208,10 +207,25 @@ function machine(place, words, gone) {
 	return { refresh: async () => {}, tick: () => {}, every: 0 };
 }
 
+// A view that most visits do not open has a file of its own, which is fetched when the view is opened. Its function
+// draws the view, as those above do; its refresh waits for the file.
+function fetched(load, every) {
+	return (place, argument) => {
+		let view = null;
+		const waits = element("p", { class: "dim" }, "Loading ...");
+		place.replaceChildren(waits);
+		const drawn = load().then((draw) => { if (waits.isConnected) view = draw(place, argument); });
+		return { refresh: async () => { await drawn; if (view) await view.refresh(); }, tick: () => {}, every };
+	};
+}
+
 export const VIEWS = {
 	health: ["Health", health],
 	services: ["Services", services],
-	picture: ["Picture", (place, item) => live(place, item || "video")],
+	picture: ["Picture", fetched(async () => {
+		const { live } = await import("./live.js");
+		return (place, item) => live(place, item || "video");
+	}, 5)],
 	messages: ["Messages", messages],
 	report: ["Report", report],
 	machine: ["Machine", machine],
