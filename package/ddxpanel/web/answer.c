@@ -172,7 +172,7 @@ void answer_picture(struct answer *answer, const struct picture_said *said, int6
     add(answer, "X-Waited: %" PRId64 "\r\n\r\n", waited);
 }
 
-/* Only noted here: who waits for it, waits for the item's process. */
+/* Only noted here. The part that serves visitors waits for the item's process. */
 static void picture(const char *text, struct answer *answer) {
     if (!picture_parse(&answer->wanted, text)) {
         answer_refuse(answer, 400, "not a picture");
