@@ -15,7 +15,6 @@ import build
 from parts.common import OUTPUT, TOP, finish, run, say, scratch
 from parts.guest import laptop, machine, panel, qemu, session, testdisk
 from parts.guest.laptop import Laptop
-from parts.guest.native_machine import NativeMachine
 from parts.guest.qemu import Guest
 from parts.image import native, wheels
 
@@ -70,15 +69,15 @@ def pictures(guest: Guest) -> None:
 
 def panel_pictures(root: pathlib.Path) -> None:
     """Take the pictures of docs/panel.md, in Chromium, of a machine in namespaces."""
-    with scratch() as work, NativeMachine(root, work / "machine") as robot:
-        robot.sh("hostname robot1")
-        panel.start(robot)
+    with scratch() as work, panel.filming(root, work / "machine") as robot:
+        robot.sh("hostname robot1; ddxctl restart ddxpanel")
+        robot.sh("ddxctl enable ddxvideosave")
         with panel.Visitor(robot, work / "browser", panel.certificate(robot)) as visitor:
             visitor.open()
             visitor.sees("document.getElementById('passphrase')")
             visitor.browser.screen(*PHONE)
             for name, ready in (("login", "Passphrase"), ("health", "checked now"), ("services", "ddxhealth"),
-                                ("messages", "logged in"), ("report", "Make the report"), ("machine", "Power off")):
+                                ("picture", "a second"), ("recordings", "Copy to stick"), ("messages", "logged in"), ("report", "Make the report"), ("machine", "Power off")):
                 if name != "login":
                     visitor.open(f"{panel.ADDRESS}#{name}{'/ddxpanel' if name == 'messages' else ''}")
                 visitor.reads(ready)

@@ -13,14 +13,13 @@ import pytest
 
 from parts.guest import panel
 from parts.guest.native_machine import NativeMachine
-from parts.guest.panel import PASSPHRASE, Request, Visitor
+from parts.guest.panel import FRAMES, PASSPHRASE, Request, Visitor
 from parts.media import clip as numbered_clip
 
 from .programs import lost
 
 pytestmark = pytest.mark.retry
 
-FRAMES = 50
 OWN = {"Origin": "https://127.0.0.1", "X-Panel": "1"}
 # The number that the page has for the picture that it shows, the sides, and the luma of each pixel.
 SAMPLE = """(() => {
@@ -36,14 +35,7 @@ OLD = "document.querySelector('figure.old')"
 
 @pytest.fixture
 def robot(root: pathlib.Path, tmp_path: pathlib.Path) -> Iterator[NativeMachine]:
-    """A machine whose loader plays a clip for ever, and which records."""
-    keep = tmp_path / "machine"
-    (keep / "test").mkdir(parents=True)
-    (keep / "data/ddx").mkdir(parents=True)
-    numbered_clip.write(keep / "test/clip.y4m", FRAMES // numbered_clip.RATE)
-    (keep / "data/ddx/ddxvideoload.conf").write_text("loop=\n")
-    with NativeMachine(root, keep) as machine:
-        panel.start(machine)
+    with panel.filming(root, tmp_path / "machine") as machine:
         yield machine
 
 

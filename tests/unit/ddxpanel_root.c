@@ -40,6 +40,29 @@ static void test_orders(void) {
     CHECK(same(ORDER("items"), "/usr/bin/ddxctl list --json"));
     CHECK(same(ORDER("restart", "ddxvideosend.rear"), "/usr/bin/ddxctl restart ddxvideosend.rear"));
     CHECK(same(ORDER("machine", "off"), "/sbin/poweroff"));
+    CHECK(same(ORDER("record", "split"), "/usr/bin/ddxctl record split"));
+    CHECK(same(ORDER("recordings"), "/usr/bin/ddxctl recordings list --json"));
+    CHECK(same(ORDER("recordings", "verify", "video-000012"),
+               "/usr/bin/ddxctl recordings verify -progress video-000012"));
+    CHECK(same(ORDER("recordings", "copy", "video-000012", "usb"),
+               "/usr/bin/ddxctl recordings export -progress video-000012 usb"));
+    CHECK(same(ORDER("recordings", "remove", "video-000012"), "/usr/bin/ddxctl recordings remove video-000012"));
+}
+
+static void test_recordings_that_are_refused(void) {
+    static const char *const names[] = {"",   "-folder", "--json", "../x", "/rec/x", "a/b", ".",
+                                        ".x", "a b",     "a;b",    "all",  "newest", "*",   "a\nb"};
+
+    for (size_t i = 0; i < sizeof names / sizeof names[0]; i++) {
+        CHECK(same(ORDER("recordings", "remove", names[i]), ""));
+        CHECK(same(ORDER("recordings", "verify", names[i]), ""));
+        CHECK(same(ORDER("recordings", "copy", names[i], "usb"), ""));
+    }
+    CHECK(same(ORDER("recordings", "copy", "video-000012", "/etc"), "") && same(reason, "is not usb"));
+    CHECK(same(ORDER("recordings", "copy", "video-000012"), ""));
+    CHECK(same(ORDER("recordings", "export", "video-000012", "usb"), ""));
+    CHECK(same(ORDER("recordings", "remove"), "") && same(ORDER("recordings", "remove", "a", "b"), ""));
+    CHECK(same(ORDER("record", "pre-roll"), "") && same(ORDER("record", "stop", "other"), ""));
 }
 
 static void test_orders_that_are_refused(void) {
@@ -252,6 +275,7 @@ int main(void) {
     CHECK(!prctl(PR_SET_CHILD_SUBREAPER, 1));
     test_orders();
     test_orders_that_are_refused();
+    test_recordings_that_are_refused();
     test_a_program_gets_its_words_and_nothing_else();
     test_limits();
     test_what_a_program_leaves_behind_goes_on();

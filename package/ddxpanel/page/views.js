@@ -226,6 +226,7 @@ export const VIEWS = {
 		const { live } = await import("./live.js");
 		return (place, item) => live(place, item || "video");
 	}, 5)],
+	recordings: ["Recordings", fetched(async () => (await import("./recordings.js")).recordings, 5)],
 	messages: ["Messages", messages],
 	report: ["Report", report],
 	machine: ["Machine", machine],

@@ -8,6 +8,7 @@
 #define CTL "/usr/bin/ddxctl"
 #define KIB 1024u
 #define MIB (1024u * KIB)
+#define HOUR 3600u /* s */
 
 static const struct order orders[] = {
     {"health", {CTL, "health", "--json"}, 60, 64 * KIB, false},
@@ -20,6 +21,13 @@ static const struct order orders[] = {
     {"start SERVICE", {CTL, "start"}, 60, 64 * KIB, true},
     {"stop SERVICE", {CTL, "stop"}, 60, 64 * KIB, true},
     {"restart SERVICE", {CTL, "restart"}, 60, 64 * KIB, true},
+    {"record start", {CTL, "record", "start"}, 30, 4 * KIB, true},
+    {"record stop", {CTL, "record", "stop"}, 30, 4 * KIB, true},
+    {"record split", {CTL, "record", "split"}, 30, 4 * KIB, true},
+    {"recordings", {CTL, "recordings", "list", "--json"}, 60, 4 * MIB, false},
+    {"recordings verify RECORDING", {CTL, "recordings", "verify", "-progress"}, 6 * HOUR, 64 * KIB, false},
+    {"recordings copy RECORDING STICK", {CTL, "recordings", "export", "-progress"}, 6 * HOUR, 64 * KIB, true},
+    {"recordings remove RECORDING", {CTL, "recordings", "remove"}, 60, 64 * KIB, true},
     {"machine restart", {"/sbin/reboot"}, 10, 4 * KIB, true},
     {"machine off", {"/sbin/poweroff"}, 10, 4 * KIB, true},
 };
@@ -34,12 +42,27 @@ static bool is_service(const char *word) {
     return !word[name] || (word[name] == '.' && word[name + 1] && !word[name + 1 + strspn(word + name + 1, letters)]);
 }
 
+/* ITEM-000012 or the name of a file in the recorder's folder; neither an option nor a path, nor a word for several. */
+static bool is_recording(const char *word) {
+    static const char letters[] = "abcdefghijklmnopqrstuvwxyzABCDEFGHIJKLMNOPQRSTUVWXYZ0123456789_.:-";
+
+    return *word && *word != '-' && *word != '.' && strlen(word) <= 255 && !word[strspn(word, letters)] &&
+           strcmp(word, "all") != 0 && strcmp(word, "newest") != 0;
+}
+
+/* A visitor cannot choose where recordings are written. */
+static bool is_stick(const char *word) {
+    return !strcmp(word, "usb");
+}
+
 /* Words of a form that the visitor chooses. */
 static const struct {
     const char *name;
     bool (*good)(const char *word);
     const char *reason;
-} kinds[] = {{"SERVICE", is_service, "is not the name of a service"}};
+} kinds[] = {{"SERVICE", is_service, "is not the name of a service"},
+             {"RECORDING", is_recording, "is not the name of a recording"},
+             {"STICK", is_stick, "is not usb"}};
 
 static size_t find_kind(const char *word, size_t length) {
     size_t kind = 0;

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import base64
+import contextlib
 import hashlib
 import http.client
 import json
@@ -10,14 +11,16 @@ import pathlib
 import ssl
 import subprocess
 import sys
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from typing import Any
 
 from parts.common import MORTAL, PATIENCE, Closing, Failed, wait_until
 from parts.guest.native_machine import NativeMachine
+from parts.media import clip
 from parts.media.browser import Browser
 
 PASSPHRASE = "open sesame, please"
+FRAMES = 50  # of the clip that filming() plays for ever
 ADDRESS = "https://127.0.0.1/"
 SHOWN = 100.0  # s; until then a page shows what it shall, also on a busy machine
 # The public key in a P-256 certificate: what comes before its 64 bytes, and the length with them.
@@ -49,6 +52,18 @@ def start(robot: NativeMachine, passphrase: str = PASSPHRASE) -> None:
         robot.sh(f"echo 'panel={passphrase}' >> /run/provision")
     robot.sh("ddxctl enable ddxpanel")
     robot.wait_until("ddxctl logs ddxpanel | grep -q ready")
+
+
+@contextlib.contextmanager
+def filming(root: pathlib.Path, keep: pathlib.Path) -> Iterator[NativeMachine]:
+    """A machine with the panel, whose loader plays a clip for ever, and which records."""
+    (keep / "test").mkdir(parents=True)
+    (keep / "data/ddx").mkdir(parents=True)
+    clip.write(keep / "test/clip.y4m", FRAMES // clip.RATE)
+    (keep / "data/ddx/ddxvideoload.conf").write_text("loop=\n")
+    with NativeMachine(root, keep) as machine:
+        start(machine)
+        yield machine
 
 
 def inside(robot: NativeMachine) -> list[str]:
