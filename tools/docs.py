@@ -71,13 +71,15 @@ def panel_pictures(root: pathlib.Path) -> None:
     """Take the pictures of docs/panel.md, in Chromium, of a machine in namespaces."""
     with scratch() as work, panel.filming(root, work / "machine") as robot:
         robot.sh("hostname robot1; ddxctl restart ddxpanel")
-        robot.sh("ddxctl enable ddxvideosave")
+        robot.wait_until("ddxctl recordings | grep -q ' recording$'")
+        robot.sh("ddxctl record split")
         with panel.Visitor(robot, work / "browser", panel.certificate(robot)) as visitor:
             visitor.open()
             visitor.sees("document.getElementById('passphrase')")
             visitor.browser.screen(*PHONE)
             for name, ready in (("login", "Passphrase"), ("health", "checked now"), ("services", "ddxhealth"),
-                                ("picture", "a second"), ("recordings", "Copy to stick"), ("messages", "logged in"), ("report", "Make the report"), ("machine", "Power off")):
+                                ("picture", "a second"), ("recordings", "Copy to stick"), ("messages", "logged in"),
+                                ("report", "Make the report"), ("machine", "Power off")):
                 if name != "login":
                     visitor.open(f"{panel.ADDRESS}#{name}{'/ddxpanel' if name == 'messages' else ''}")
                 visitor.reads(ready)

@@ -40,7 +40,7 @@ def test_a_recording_is_split_verified_and_deleted(root: pathlib.Path, tmp_path:
         visitor.taps("[...document.querySelectorAll('button')].find((one) => one.textContent === 'Split')")
         visitor.sees(button(first, "Verify"))
         visitor.taps(button(first, "Verify"))
-        visitor.reads(f"{first}: good.")
+        visitor.reads("verify: good. ")
         visitor.taps(button(first, "Copy"))
         visitor.reads("no USB stick is plugged in")
         visitor.taps(button(first, "Delete"))
