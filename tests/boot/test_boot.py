@@ -1,6 +1,7 @@
 # SPDX-License-Identifier: GPL-2.0-or-later
 """The boot of an intact machine, and its file systems."""
 import pathlib
+import re
 import time
 
 import pytest
@@ -36,6 +37,15 @@ def test_the_count_of_boots_is_cleared_once_one_is_up(closed: Guest) -> None:
     while closed.environment():
         assert time.monotonic() < deadline, closed.environment()
         time.sleep(1)
+
+
+def test_output_that_is_read_late_arrives_whole(guest: Guest) -> None:
+    """QEMU drops what the console has no room for, and the host's other work may delay a reader for a second."""
+    console = guest.shell()
+    console.begin("seq 1 20000")
+    time.sleep(1)
+    console.wait(re.escape("".join(f"{number}\n" for number in range(1, 20001)).encode()), 60)
+    assert guest.sh("echo next").strip() == "next"
 
 
 def test_root_is_a_read_only_squashfs(guest: Guest) -> None:

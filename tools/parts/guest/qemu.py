@@ -16,7 +16,7 @@ from typing import ClassVar
 from parts.common import MORTAL, OUTPUT, PATIENCE, TOP, Failed, alone, copy, run, say, wait_until
 from parts.disk.disk import BOOT, Disk
 from parts.guest import machine as boards
-from parts.guest.channel import Channel, Timeout
+from parts.guest.channel import Channel, Timeout, make_pipes
 from parts.guest.machine import Machine
 from parts.guest.qmp import Monitor
 from parts.guest.robot import Robot
@@ -30,6 +30,7 @@ USERSPACE = b"Starting base"  # our own scripts' first line
 # And on a starved host the kernel's short look at the timer may end before QEMU has let it tick.
 MACHINE_FAULTS = (b"Oops: int3", b"8254 timer not connected")
 BOOTS_AGAIN = 2
+CONSOLES = ["hvc0", "hvc1"]  # over pipes, see channel.py
 
 
 def _drive(disk: Disk, machine: Machine, writes: pathlib.Path | None, test_disk: pathlib.Path | None) -> list[str]:
@@ -99,24 +100,26 @@ class Guest(Robot):
             "-chardev", f"socket,id=ttyS0,path={self.folder}/ttyS0,server=on,wait=off,logfile={self.log}",
             "-serial", "chardev:ttyS0",
             "-chardev", f"socket,id=qmp,path={self.folder}/qmp,server=on,wait=off", "-mon", "chardev=qmp,mode=control"]
-        for name in ["hvc0", "hvc1"]:
-            words += ["-chardev", f"socket,id={name},path={self.folder}/{name},server=on,wait=off",
+        for name in CONSOLES:
+            words += ["-chardev", f"pipe,id={name},path={self.folder}/{name}",
                       "-device", f"virtconsole,chardev={name}"]
         return words
 
     def _start(self) -> None:
-        for name in ["hvc1", "ttyS0"]:
+        for name in ["ttyS0", "qmp"]:
             (self.folder / name).unlink(missing_ok=True)
+        for name in CONSOLES:
+            make_pipes(self.folder / name)
         self.log.unlink(missing_ok=True)
         Guest.started += 1
         self.begin = time.monotonic()
         with (self.folder / "qemu.log").open("w") as words:
             self.process = subprocess.Popen(self._command, stdin=subprocess.DEVNULL, stderr=words)
         try:
-            console = self.folder / "hvc1"
-            wait_until(lambda: console.exists() or self.process.poll() is not None, "QEMU does not start",
+            monitor = self.folder / "qmp"
+            wait_until(lambda: monitor.exists() or self.process.poll() is not None, "QEMU does not start",
                        patience=PATIENCE)
-            if not console.exists():
+            if not monitor.exists():
                 raise Failed("QEMU does not start")
             with Monitor(self.folder / "qmp"):  # answers when all devices exist
                 pass
