@@ -2,7 +2,7 @@
 /* IIDC's codings, rearranged: each sample is in its place, and padding is left out. */
 #include "check.h"
 #include "convert.h"
-#include "unpack.h"
+#include "pixels.h"
 
 #define WIDTH 16
 #define HEIGHT 6

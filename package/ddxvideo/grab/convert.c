@@ -11,7 +11,7 @@
 #include <stdlib.h>
 #include <string.h>
 
-#include "unpack.h"
+#include "pixels.h"
 
 /* ---- JPEG ---- */
 

@@ -7,7 +7,6 @@
 #include <libavutil/frame.h>
 #include <stddef.h>
 
-#include "direct.h"
 #include "pixels.h"
 
 struct jpeg;

@@ -1,5 +1,8 @@
 /* SPDX-License-Identifier: GPL-2.0-or-later */
-/* The supported pixel formats of cameras, and their order in a camera's buffers. */
+/*
+ * The supported pixel formats of cameras, their order in a camera's buffers, and the conversions that need no
+ * libswscale, or that it needs before it can read the samples.
+ */
 #ifndef DDXVIDEO_PIXELS_H
 #define DDXVIDEO_PIXELS_H
 
@@ -7,6 +10,8 @@
 #include <stdbool.h>
 #include <stddef.h>
 #include <stdint.h>
+
+#include "video_layout.h"
 
 enum pixels_coding {
     PIXELS_NONE,
@@ -73,5 +78,32 @@ const struct pixels_format *pixels_named(const char *name);         /* in any ca
 
 /* Begins and strides of the planes. Returns the bytes of a whole picture (0: compressed). */
 size_t pixels_planes(const struct pixels *pixels, size_t offset[3], int stride[3]);
+
+/* ---- Conversions without libswscale to layouts other than 4:2:0: rows are copied, or their samples separated ---- */
+
+/* Parameters of a row function. */
+struct direct {
+    int width; /* pixels */
+    int depth; /* of GRAY16BE: bits in use, 8 to 16 */
+    bool full; /* the range of luma: black is 0 and white is 255, not 16 and 235 */
+};
+
+/* Convert one row of each plane. Writes nothing beyond the end of the row. */
+typedef void direct_row(const struct direct *direct, const unsigned char *const from[3], unsigned char *const to[3]);
+
+/*
+ * The function that converts rows of this format to the layout, with luma unchanged; NULL: there is none. For 4:2:0
+ * there is only a copy of luma, since chroma has separate rows.
+ */
+direct_row *direct_find(enum AVPixelFormat format, const struct video_layout *layout);
+
+/* ---- Pixels whose order libswscale cannot read, as IIDC cameras send them ---- */
+
+/* Bytes of a whole rearranged picture. */
+size_t unpack_size(const struct pixels *pixels);
+
+/* Rearrange a whole picture into `to`; sets its planes and strides. */
+void unpack_run(const struct pixels *pixels, const unsigned char *from, unsigned char *to, unsigned char *plane[3],
+                int stride[3]);
 
 #endif
