@@ -1,5 +1,5 @@
 /* SPDX-License-Identifier: GPL-2.0-or-later */
-/* A camera through Video4Linux, its inputs and television standards. Nothing here waits. */
+/* A camera through Video4Linux: its inputs and television standards, and what its driver agrees to. Nothing waits. */
 #ifndef DDXVIDEO_DEVICE_H
 #define DDXVIDEO_DEVICE_H
 
@@ -49,5 +49,13 @@ bool input_is_meant(const struct v4l2_input *input, const char *text);
 
 /* Select both; NULL: no change (the standard: that of the signal, if it can be detected). 0 or -errno, and `why`. */
 int input_select(int fd, const char *input, const char *standard, char *why, size_t size);
+
+/* ---- Pixel format, size, rate, fields, range and pixel aspect, negotiated with the driver ---- */
+
+/* The format of a name in -format, in any case; 0: unknown. */
+uint32_t negotiate_fourcc(const char *name);
+
+/* Fills device->pixels and device->geometry. Errors as device_open(). */
+int negotiate(struct device *device, const struct device_wish *wish, char *why, size_t size);
 
 #endif

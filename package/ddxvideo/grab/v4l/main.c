@@ -15,7 +15,6 @@
 #include "device.h"
 #include "geometry.h"
 #include "grabber.h"
-#include "negotiate.h"
 #include "reorder.h"
 
 /* A Video4Linux camera as the grabber uses it. */
