@@ -13,7 +13,7 @@
 #include "ddx_time.h"
 #include "iidc_controls.h"
 #include "library_log.h"
-#include "modes.h"
+#include "setup.h"
 #include "program.h"
 
 /* ---- The counter in the first pixels ---- */

@@ -7,7 +7,7 @@
 
 #include "grabber.h"
 #include "iidc_camera.h"
-#include "modes.h"
+#include "setup.h"
 #include "geometry.h"
 
 #define FASTEST 1000 /* -rate, frames per second */
