@@ -8,7 +8,6 @@
 #include <stdint.h>
 
 #include "as_420.h"
-#include "layout.h"
 #include "paint.h"
 #include "program.h"
 #include "surface.h"

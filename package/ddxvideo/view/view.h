@@ -3,7 +3,6 @@
 #ifndef DDXVIDEO_VIEW_H
 #define DDXVIDEO_VIEW_H
 
-#include "layout.h"
 #include "paint.h"
 #include "source.h"
 #include "surface.h"
