@@ -1,6 +1,6 @@
 /* SPDX-License-Identifier: GPL-2.0-or-later */
 /* The rollover counter in the header extension: added, read and removed in any header, without a read beyond it. */
-#include "rollover.h"
+#include "secure.h"
 
 #include "check.h"
 
