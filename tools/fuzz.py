@@ -19,7 +19,7 @@ VIDEO = TOP / "package/ddxvideo"
 LOG = TOP / "package/ddxlog"
 FORM = TOP / "package/ddx/form"
 CORE = [f"stream/core/{path.name}" for path in sorted((VIDEO / "stream/core").glob("*.c"))]
-SAP = [*CORE, "stream/network.c", "stream/sap.c", "stream/sdp.c"]
+SAP = [*CORE, "stream/network.c", "stream/sdp.c"]
 Y4M = [f"common/{name}.c" for name in ("picture_convert", "video_item", "video_layout", "y4m_parse", "y4m_read")]
 MP4 = [f"coded/{name}.c" for name in ("mp4_read", "mp4_write", "stamp")] + [
     f"common/{name}.c" for name in ("video_item", "video_layout")]

@@ -1,11 +1,9 @@
 /* SPDX-License-Identifier: GPL-2.0-or-later */
 /* Fuzz target: an announcement of a stream (SAP) and its description (SDP). The input is one datagram. */
-#include "sap.h"
+#include "sdp.h"
 
 #include <assert.h>
 #include <string.h>
-
-#include "sdp.h"
 
 int LLVMFuzzerTestOneInput(const uint8_t *data, size_t size);
 

@@ -1,9 +1,8 @@
 /* SPDX-License-Identifier: GPL-2.0-or-later */
 /* Announcements by RFC 2974 and their descriptions: bytes, those of other senders, and refused ones. */
-#include "sap.h"
+#include "sdp.h"
 
 #include "check.h"
-#include "sdp.h"
 
 #define SDP                                                                                    \
     "v=0\r\no=- 7 1 IN IP4 10.0.0.1\r\ns=robot1 video\r\nc=IN IP4 239.255.20.5/1\r\nt=0 0\r\n" \

@@ -1,5 +1,5 @@
 /* SPDX-License-Identifier: GPL-2.0-or-later */
-/* Descriptions of streams (SDP, RFC 4566): for players in a file, and announced (sap.h). */
+/* Descriptions of streams (SDP, RFC 4566), for players in a file, and their announcements (SAP, RFC 2974). */
 #ifndef DDXVIDEO_SDP_H
 #define DDXVIDEO_SDP_H
 
@@ -8,6 +8,8 @@
 
 #include "network.h"
 #include "rtp.h"
+
+/* ---- Descriptions ---- */
 
 struct sdp {
     const char *name; /* of the session */
@@ -38,5 +40,38 @@ struct sdp_stream {
 
 /* False if the text has no video stream with address and port. */
 bool sdp_read(const uint8_t *text, size_t size, struct sdp_stream *stream);
+
+/*
+ * ---- Announcements: messages with a stream's description, sent to separate multicast groups ----
+ *
+ * No sockets, no clock. The input is not trusted.
+ */
+
+#define SAP_PORT 9875
+#define SAP_MAX 1400 /* bytes of our messages; the RFC recommends less than 1024 */
+
+struct sap {
+    bool deletion;
+    uint16_t hash;                 /* identifies, with the origin, this version of the announcement */
+    struct network_address origin; /* the announcing machine; its port has no meaning */
+    const uint8_t *text;           /* SDP, not terminated; of a deletion, its o= line, or nothing */
+    size_t size;
+};
+
+/* Write a message to to[SAP_MAX]. Returns its size; 0: too large. */
+size_t sap_write(const struct sap *sap, uint8_t *to);
+
+/*
+ * Reads a message; sap->text points into the data. False if there is no description to read: another version,
+ * encryption or compression, a type other than application/sdp, an announcement without text, zero bytes in the text,
+ * no origin (0.0.0.0). The authentication is skipped, not checked.
+ */
+bool sap_parse(const uint8_t *data, size_t size, struct sap *sap);
+
+/* The hash of a description: two descriptions very likely have different ones. Never 0. */
+uint16_t sap_hash(const uint8_t *text, size_t size);
+
+/* The address for announcements of this group's streams: the group of the same scope, with SAP_PORT. */
+void sap_group(const struct network_address *stream, struct network_address *group);
 
 #endif

@@ -12,7 +12,6 @@
 #include "ddx_time.h"
 #include "inlet.h"
 #include "program.h"
-#include "sap.h"
 #include "sdp.h"
 #include "viewer.h"
 

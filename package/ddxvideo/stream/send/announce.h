@@ -9,7 +9,6 @@
 #define DDXVIDEO_ANNOUNCE_H
 
 #include "post.h"
-#include "sap.h"
 #include "sdp.h"
 
 /*
