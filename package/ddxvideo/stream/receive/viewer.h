@@ -11,7 +11,6 @@
 #include "inlet.h"
 #include "stream_rx.h"
 #include "link.h"
-#include "movie.h"
 #include "output.h"
 #include "program.h"
 
