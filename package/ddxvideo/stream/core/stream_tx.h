@@ -21,9 +21,8 @@
 #define DDXVIDEO_STREAM_TX_H
 
 #include "feedback.h"
-#include "frame_rate.h"
+#include "rate.h"
 #include "h264.h"
-#include "link_rate.h"
 #include "mpeg4.h"
 #include "repair.h"
 
