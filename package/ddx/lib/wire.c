@@ -6,11 +6,10 @@
 #include <stdlib.h>
 #include <string.h>
 #include <sys/socket.h>
+#include <sys/stat.h>
 #include <sys/uio.h>
 #include <sys/un.h>
 #include <unistd.h>
-
-#include "trust.h"
 
 union control_buffer {
     char bytes[CMSG_SPACE(DDX_FDS_MAX * sizeof(int))];
@@ -152,6 +151,52 @@ bool ddx_socket_path(unsigned i, int port, char *path, size_t bytes) {
     }
 }
 
+/* ---- Which stores to trust ---- */
+
+/* Cut off the last part of a path; false: there is no folder above it. */
+static bool go_up(char *path) {
+    char *slash = strrchr(path, '/');
+
+    if (!slash || slash == path)
+        return false;
+    *slash = 0;
+    return true;
+}
+
+/* Any user may create files there; with the sticky bit, users cannot replace files of other users. */
+static bool is_common(const struct stat *status) {
+    return status->st_mode & S_IWOTH;
+}
+
+int ddx_folder_owner(const char *path, uid_t *owner) {
+    char folder[sizeof(((struct sockaddr_un *)0)->sun_path)];
+    struct stat status, above;
+
+    snprintf(folder, sizeof folder, "%s", path);
+    if (!go_up(folder))
+        return -EINVAL;
+    if (lstat(folder, &status))
+        return -errno;
+    if (!S_ISDIR(status.st_mode) || (is_common(&status) && !(status.st_mode & S_ISVTX)))
+        return -EPERM;
+    *owner = status.st_uid;
+    if (status.st_uid == 0 || status.st_uid == getuid() || !go_up(folder))
+        return 0;
+    /* The system may have made it for the store's user, as /run/ddx; but in a common folder that user made it. */
+    return stat(folder, &above) || is_common(&above) ? -EPERM : 0;
+}
+
+/* Whether the other side of the connection runs as root, as this user, or as the owner of the socket's folder. */
+static bool is_trusted(int socket, uid_t owner) {
+    struct ucred peer;
+    socklen_t length = sizeof peer;
+
+    return !getsockopt(socket, SOL_SOCKET, SO_PEERCRED, &peer, &length) &&
+           (peer.uid == 0 || peer.uid == getuid() || peer.uid == owner);
+}
+
+/* ---- Connections ---- */
+
 /* Connect to the store at this address. -ENOENT or similar: no store; -EPERM: the store is not trusted. */
 static int connect_to(const struct sockaddr_un *address) {
     uid_t owner;
@@ -164,7 +209,7 @@ static int connect_to(const struct sockaddr_un *address) {
         return -errno;
     if (connect(fd, (const struct sockaddr *)address, sizeof *address))
         result = -ECONNREFUSED;
-    else if (!ddx_peer_trusted(fd, owner))
+    else if (!is_trusted(fd, owner))
         result = -EPERM;
     if (!result)
         return fd;

@@ -29,6 +29,7 @@
 
 #include <assert.h>
 #include <stdbool.h>
+#include <sys/types.h>
 
 #include "type.h"
 
@@ -124,9 +125,17 @@ void ddx_packet_close(struct ddx_packet *packet);
 /* Path number i of the store's socket, in order of preference; false if i is past the last. */
 bool ddx_socket_path(unsigned i, int port, char *path, size_t bytes);
 
+/* ---- Which stores to trust: a program works with the content of the memory that the store hands out ---- */
+
 /*
- * Connect to the store, without waiting. Socket; -ECONNREFUSED: no store; -EPERM: only a store that is not trusted
- * (trust.h); or another -errno, such as -EMFILE.
+ * The owner of the folder of this socket. 0; -ENOENT or similar: no folder; -EPERM: another user could have made the
+ * folder, or can replace its content.
+ */
+int ddx_folder_owner(const char *path, uid_t *owner);
+
+/*
+ * Connect to the store, without waiting. Socket; -ECONNREFUSED: no store; -EPERM: only a store that is not
+ * trusted; or another -errno, such as -EMFILE.
  */
 int ddx_connect(int port);
 

@@ -19,7 +19,6 @@
 #include <unistd.h>
 
 #include "../lib/fault.h"
-#include "../lib/trust.h"
 #include "../lib/wire.h"
 #include "../program/startup.h"
 #include "budget.h"
