@@ -12,7 +12,7 @@
 #include <time.h>
 #include <unistd.h>
 
-#include "../../package/ddx/lib/lock.h"
+#include "../../package/ddx/lib/futex.h"
 #include "check.h"
 
 #define THREADS 4

@@ -5,7 +5,7 @@
 
 #include <poll.h>
 
-#include "lock.h"
+#include "futex.h"
 #include "memory.h"
 #include "queue.h"
 #include "ring.h"
