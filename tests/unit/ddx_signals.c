@@ -6,7 +6,7 @@
 #include <unistd.h>
 
 #include "check.h"
-#include "signals.h"
+#include "program.h"
 
 #define PAUSE 100000 /* us; for a signal to act */
 

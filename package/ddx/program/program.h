@@ -8,7 +8,6 @@
 #include <stdbool.h>
 #include <stdint.h>
 
-#include "signals.h"
 #include "startup.h"
 
 /* One line to stderr: "<program>: <message>". */
@@ -119,5 +118,22 @@ void program_thread_signals(void);
 
 /* Give up the real-time priority that the calling thread may have inherited from the program's start. */
 void program_thread_ordinary(void);
+
+/* ---- Signals: TERM and INT stop the program, USR1 prints the counters ---- */
+
+/* TERM or INT came: finish within five seconds. If the program still runs then, a timer exits it, with exit 0. */
+bool program_stopping(void);
+
+/* The request to stop came more than three seconds ago: do not wait for other programs any more. From any thread. */
+bool program_has_no_patience(void);
+
+/* Set the destination of the counters (default: standard output), if standard output has another use. */
+void program_report_to(FILE *file);
+
+/* Print the counters' JSON line. */
+void program_report(DDX_STATS_BOOK *book);
+
+/* Catch them; program_start() does this. */
+void signals_catch(void);
 
 #endif
