@@ -7,7 +7,7 @@
 #include <poll.h>
 #include <unistd.h>
 
-#include "../../package/ddx/store/process.h"
+#include "../../package/ddx/store/budget.h"
 #include "holder_beats.h"
 #include "store_alone.h"
 

@@ -20,7 +20,6 @@
 #include "holder.h"
 #include "items.h"
 #include "log.h"
-#include "process.h"
 #include "readers.h"
 #include "send.h"
 

@@ -2,10 +2,9 @@
 /*
  * The store's state: items, their holders and memory files. One thread; nothing here is on the frame path.
  *
- * Layers, from below (checked by tests/host/test_layers.py): messages, state and log (send, heap, checkpoint, files,
- * holder, log) - epochs and items - items that may be dropped (leftover) - the budget, descriptors, a process's share
- * (process), and messages to holders (notify) - terms of reading and writing (readers, claim, adopt) - requests and
- * sessions - the worker, and its takeover from the previous one (resume).
+ * Layers, from below (checked by tests/host/test_layers.py): log, checkpoint, holder and files - epochs and items - the
+ * budget with the share of each process, and messages to holders (send) - terms of reading and writing (readers, claim,
+ * adopt) - sessions - the worker (main), and its takeover from the previous one (resume).
  */
 #ifndef STORE_STATE_H
 #define STORE_STATE_H
@@ -33,7 +32,7 @@ struct epoch {
     bool slot_ready[DDX_SLOTS_MAX]; /* the writer has mapped and sealed it */
 };
 
-/* A process that is a client, or was one and has left items: see process.h. */
+/* A process that is a client, or was one and has left items: see budget.h. */
 struct process {
     struct process *next;
     int32_t pid; /* 0: all processes of other pid name spaces together */
