@@ -1,11 +1,32 @@
 /* SPDX-License-Identifier: GPL-2.0-or-later */
-/* The other machines, in the order in which they were first heard, and their names here. */
+/* This machine and the other ones in the network: ids, names, clocks. */
 #ifndef DDXCATALOG_MACHINES_H
 #define DDXCATALOG_MACHINES_H
 
+#include <name.h>
+#include <network.h>
 #include <offset.h>
+#include <stdbool.h>
+#include <stdint.h>
 
-#include "identity.h"
+/* ---- This machine ---- */
+
+struct identity {
+    uint64_t id; /* changes with each boot */
+    char boot[40];
+    char host[NAME_MACHINE]; /* the machine's own name */
+    char name[NAME_MACHINE]; /* its name for others: the same, or carol-<4 hex> */
+    int64_t since;           /* start of this program, ns of wall time */
+};
+
+/* Set all but `identity->host`, which the caller has set. `port` distinguishes stores of one machine. */
+void identity_begin(struct identity *identity, long port);
+
+/* Take the name carol-<4 hex>; take the own name again. */
+void identity_yield(struct identity *identity);
+void identity_return(struct identity *identity);
+
+/* ---- The other machines, in the order in which they were first heard, and their names here ---- */
 
 struct machine {
     uint64_t id;

@@ -9,7 +9,7 @@
 #include <program.h>
 
 #include "config.h"
-#include "identity.h"
+#include "machines.h"
 
 #define ITEMS_MAX NETWORK_ITEMS /* of one machine */
 #define MESSAGE_MAX (16u << 20) /* bytes of a value */
