@@ -1,5 +1,5 @@
 /* SPDX-License-Identifier: GPL-2.0-or-later */
-/* Records that no catalog sends: none is accepted, all are counted. */
+/* Records that no catalog sends: none is accepted, all are counted. The offset of another machine's clock. */
 #include "check.h"
 #include "directory.h"
 
@@ -191,6 +191,31 @@ static void test_forged_ids(struct directory *directory) {
     CHECK_EQUAL(directory_machines(directory)->count, 1);
 }
 
+/* The other clock is 5000 s ahead; a delay in one direction only is an error of half of it, within the bound. */
+static void test_the_offset_of_a_clock(void) {
+    const int64_t ms = 1000000, s = 1000 * ms, ahead = 5000 * s;
+    struct offset offset = {.count = 0};
+    int64_t apart, bound;
+
+    CHECK(!offset_get(&offset, s, &apart, &bound));
+    CHECK(offset_add(&offset, s, s + ahead + 9 * ms, s + ahead + 10 * ms, s + 11 * ms));
+    CHECK(offset_get(&offset, s + 11 * ms, &apart, &bound));
+    CHECK_EQUAL(apart, ahead + 4 * ms);
+    CHECK_EQUAL(bound, 5 * ms + ms / 10000);
+    CHECK(offset_add(&offset, 2 * s, 2 * s + ahead + ms, 2 * s + ahead + ms, 2 * s + 2 * ms));
+    CHECK(offset_get(&offset, 3 * s + 2 * ms, &apart, &bound));
+    CHECK_EQUAL(apart, ahead);
+    CHECK_EQUAL(bound, ms + s / 10000);
+    for (int i = 0; i < OFFSET_SAMPLES; i++) /* until the best sample is too old */
+        CHECK(offset_add(&offset, 4 * s, 4 * s - ahead + ahead + 2 * ms, 4 * s + 2 * ms, 4 * s + 4 * ms));
+    CHECK(offset_get(&offset, 5 * s, &apart, &bound));
+    CHECK_EQUAL(apart, 0);
+    CHECK(!offset_add(&offset, s, s, s, s - 1));           /* received before it was sent */
+    CHECK(!offset_add(&offset, s, s, s + 2 * ms, s + ms)); /* longer at the other machine than the round trip */
+    CHECK(!offset_add(&offset, INT64_MIN, s, s, s));
+    CHECK(!offset_add(&offset, s, s, INT64_MAX, s));
+}
+
 int main(void) {
     struct directory *directory = directory_open(&catalog);
 
@@ -203,5 +228,6 @@ int main(void) {
     directory = directory_open(&catalog);
     test_bytes(directory);
     directory_close(directory);
+    test_the_offset_of_a_clock();
     return 0;
 }

@@ -4,7 +4,6 @@
 #include "check.h"
 #include "envelope.h"
 #include "name.h"
-#include "offset.h"
 #include "standard.h"
 #include "typehash.h"
 
@@ -289,31 +288,6 @@ static void test_bytes_without_values(void) {
     CHECK(others > 13 * rate && others < 17 * rate);
 }
 
-/* The other clock is 5000 s ahead; a delay in one direction only is an error of half of it, within the bound. */
-static void test_the_offset_of_a_clock(void) {
-    const int64_t ms = 1000000, s = 1000 * ms, ahead = 5000 * s;
-    struct offset offset = {.count = 0};
-    int64_t apart, bound;
-
-    CHECK(!offset_get(&offset, s, &apart, &bound));
-    CHECK(offset_add(&offset, s, s + ahead + 9 * ms, s + ahead + 10 * ms, s + 11 * ms));
-    CHECK(offset_get(&offset, s + 11 * ms, &apart, &bound));
-    CHECK_EQUAL(apart, ahead + 4 * ms);
-    CHECK_EQUAL(bound, 5 * ms + ms / 10000);
-    CHECK(offset_add(&offset, 2 * s, 2 * s + ahead + ms, 2 * s + ahead + ms, 2 * s + 2 * ms));
-    CHECK(offset_get(&offset, 3 * s + 2 * ms, &apart, &bound));
-    CHECK_EQUAL(apart, ahead);
-    CHECK_EQUAL(bound, ms + s / 10000);
-    for (int i = 0; i < OFFSET_SAMPLES; i++) /* until the best sample is too old */
-        CHECK(offset_add(&offset, 4 * s, 4 * s - ahead + ahead + 2 * ms, 4 * s + 2 * ms, 4 * s + 4 * ms));
-    CHECK(offset_get(&offset, 5 * s, &apart, &bound));
-    CHECK_EQUAL(apart, 0);
-    CHECK(!offset_add(&offset, s, s, s, s - 1));           /* received before it was sent */
-    CHECK(!offset_add(&offset, s, s, s + 2 * ms, s + ms)); /* longer at the other machine than the round trip */
-    CHECK(!offset_add(&offset, INT64_MIN, s, s, s));
-    CHECK(!offset_add(&offset, s, s, INT64_MAX, s));
-}
-
 static const char declaration[] = "struct { int8_t sequence; double x; int16_t a[3]; }";
 
 struct value {
@@ -387,7 +361,6 @@ int main(void) {
     test_names();
     test_the_bucket();
     test_bytes_without_values();
-    test_the_offset_of_a_clock();
     test_a_field_that_is_called_as_one_of_ours();
     test_a_message_and_what_is_none();
     test_what_cannot_be_described();

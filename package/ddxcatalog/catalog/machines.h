@@ -5,7 +5,6 @@
 
 #include <name.h>
 #include <network.h>
-#include <offset.h>
 #include <stdbool.h>
 #include <stdint.h>
 
@@ -25,6 +24,35 @@ void identity_begin(struct identity *identity, long port);
 /* Take the name carol-<4 hex>; take the own name again. */
 void identity_yield(struct identity *identity);
 void identity_return(struct identity *identity);
+
+/*
+ * ---- Clocks ----
+ *
+ * The difference between another machine's clock and this machine's, from four time stamps, as in NTP. Of the newest
+ * exchanges the one with the least bound counts: half of the round trip, plus the possible drift of the clocks since.
+ */
+
+#define OFFSET_SAMPLES 8
+
+/* Times are ns of CLOCK_MONOTONIC of either machine. */
+struct offset_sample {
+    int64_t offset, bound, at;
+};
+
+/* All 0: no exchange yet. */
+struct offset {
+    struct offset_sample sample[OFFSET_SAMPLES];
+    unsigned count;
+};
+
+/*
+ * Add an exchange: `sent` here, `received` there; `answered` there, and the answer arrived here at `now`. False: these
+ * stamps are impossible.
+ */
+bool offset_add(struct offset *offset, int64_t sent, int64_t received, int64_t answered, int64_t now);
+
+/* The other clock minus this clock, and the bound of the error. False: not known. */
+bool offset_get(const struct offset *offset, int64_t now, int64_t *apart, int64_t *bound);
 
 /* ---- The other machines, in the order in which they were first heard, and their names here ---- */
 
