@@ -30,7 +30,7 @@ REQUEST = ["common/message.c", "common/secret.c", "root/order.c",
            *(f"web/{name}.c" for name in ("guard", "picture", "scgi", "session", "words"))]
 CATALOG = TOP / "package/ddxcatalog"
 NETWORK = [CATALOG / f"network/{name}.c" for name in ("participant", "records", "stamps", "value")] + [
-    CATALOG / f"wire/{name}.c" for name in ("bucket", "description", "name", "typehash")]
+    CATALOG / f"wire/{name}.c" for name in ("bucket", "description", "name")]
 UPDATE = TOP / "package/ddxupdate"
 UPDATED = [f"{name}.c" for name in ("block", "fat", "manifest", "signature", "ustar")]
 # Sources of each target, below a package, and libraries.

@@ -5,7 +5,7 @@
 #include "envelope.h"
 #include "name.h"
 #include "standard.h"
-#include "typehash.h"
+#include "description.h"
 
 #include <errno.h>
 

@@ -11,7 +11,7 @@
 
 #include "internal.h"
 #include "name.h"
-#include "typehash.h"
+#include "description.h"
 
 /* ---- Types made at run time, since items may have any type ---- */
 

@@ -7,6 +7,7 @@
 #define DDXCATALOG_DESCRIPTION_H
 
 #include <stdbool.h>
+#include <stddef.h>
 #include <stdint.h>
 
 #define DESCRIPTION_NAME 160
@@ -57,5 +58,17 @@ void description_free(struct description *description);
 
 /* The message of this type, or NULL. */
 const struct description_message *description_find(const struct description *description, const char *type);
+
+/* ---- ROS 2's hash of a type (REP 2016), with which its tools notice that two programs use different structs ---- */
+
+#define TYPEHASH_MAX 80 /* bytes of "RIHS01_<64 hexadecimal digits>", with the 0 byte */
+
+/* 0, -ENOMEM. */
+int typehash(const struct description *description, char text[TYPEHASH_MAX]);
+
+#define SHA256_BYTES 32
+
+/* SHA-256 (FIPS 180-4) of a short text. */
+void sha256(const void *data, size_t size, uint8_t digest[SHA256_BYTES]);
 
 #endif
