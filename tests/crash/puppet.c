@@ -11,7 +11,7 @@
 #include <unistd.h>
 
 #include "../../package/ddx/lib/handle.h"
-#include "../../package/ddx/lib/receive.h"
+#include "../../package/ddx/lib/roles.h"
 
 #define PUPPETS 16
 #define NAME stream_name[0]

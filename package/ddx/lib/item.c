@@ -1,5 +1,5 @@
 /* SPDX-License-Identifier: LGPL-2.1-or-later */
-#include "item.h"
+#include "roles.h"
 
 #include <errno.h>
 #include <poll.h>
@@ -10,10 +10,6 @@
 #include <unistd.h>
 
 #include "ddx.h"
-#include "keeper.h"
-#include "receive.h"
-#include "roles.h"
-#include "writer.h"
 
 /* Opening and closing: the store, and handles on items. */
 

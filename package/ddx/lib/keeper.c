@@ -1,5 +1,5 @@
 /* SPDX-License-Identifier: LGPL-2.1-or-later */
-#include "keeper.h"
+#include "roles.h"
 
 #include <errno.h>
 #include <poll.h>
@@ -10,10 +10,7 @@
 #include <unistd.h>
 
 #include "fault.h"
-#include "receive.h"
 #include "handle.h"
-#include "reader.h"
-#include "roles.h"
 
 #define SOON DDX_QUEUE_PAUSE /* ms until the keeper tries an item again that its owner is using */
 

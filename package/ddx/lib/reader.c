@@ -1,5 +1,5 @@
 /* SPDX-License-Identifier: LGPL-2.1-or-later */
-#include "reader.h"
+#include "roles.h"
 
 #include <errno.h>
 #include <string.h>
@@ -8,8 +8,6 @@
 #include "handle.h"
 #include "fault.h"
 #include "futex.h"
-#include "roles.h"
-#include "receive.h"
 
 #define AGAIN_WAIT 10000000    /* ns between requests to attach */
 #define ATTEMPTS 5             /* to pin a frame that was overwritten or is not mapped yet, even without a timeout */

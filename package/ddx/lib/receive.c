@@ -1,5 +1,5 @@
 /* SPDX-License-Identifier: LGPL-2.1-or-later */
-#include "receive.h"
+#include "roles.h"
 
 #include <errno.h>
 #include <poll.h>
@@ -10,7 +10,6 @@
 #include "handle.h"
 #include "fault.h"
 #include "futex.h"
-#include "roles.h"
 
 /* ---- After a restart of the store ---- */
 

@@ -8,7 +8,7 @@
 
 #include "ddx_request.h"
 #include "futex.h"
-#include "item.h"
+#include "roles.h"
 #include "type.h"
 
 /* As ddx_store_lookup_item(); a request to the catalog looks up items of this machine only. */

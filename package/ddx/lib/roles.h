@@ -1,11 +1,57 @@
 /* SPDX-License-Identifier: LGPL-2.1-or-later */
-/* A handle's roles, reader and writer: their handling of the store's messages, and their end. With `lock` held. */
+/* The parts of a handle, and what they do for each other. With `lock` held, except in item.c and keeper.c. */
 #ifndef DDX_ROLES_H
 #define DDX_ROLES_H
 
 #include "handle.h"
 
-/* ---- Reader: reader_role.c ---- */
+/* ---- Opening items of this machine's store: item.c. request.c adds the items of other machines ---- */
+
+/* Wait for the store until `deadline`. 0 or -errno. */
+int ddx_local_open(int port, int64_t deadline, DDX_STORE_ID **id);
+
+/* As ddx_store_lookup_item(). 0 or -errno. */
+int ddx_local_lookup(DDX_STORE_ID *id, const char *name, const char *type, int size, DDX_STORE_ITEM **item);
+
+/*
+ * ---- The keeper: keeper.c ----
+ *
+ * One thread per process that receives the store's messages for all items. It maps new slots, readers and epochs before
+ * the frame path needs them, and offers the items to a restarted store, even while the program itself sleeps.
+ */
+
+/* Both take the keeper's lock. */
+int ddx_keeper_add(DDX_STORE_ITEM *item);
+void ddx_keeper_remove(DDX_STORE_ITEM *item); /* after that the keeper does not use the item */
+
+/* ---- The store's messages, answers and notifications: receive.c ---- */
+
+/* Handle all waiting messages. 0; -EPIPE: the store has disconnected. */
+int ddx_item_service(DDX_STORE_ITEM *item);
+/* Send, then wait for `answer`. 0, the answer's status, -ECONNREFUSED. */
+int ddx_item_request(DDX_STORE_ITEM *item, const struct ddx_message *message, const struct ddx_layout *layout,
+                     uint32_t answer);
+void ddx_item_disconnect(DDX_STORE_ITEM *item);
+/* After a restart of the store: connect, and offer this handle's memory files. 0, or -errno. */
+int ddx_item_reconnect(DDX_STORE_ITEM *item);
+
+/* ---- A reader gets a frame: it attaches to the item, waits for the wanted frame, and pins it: reader.c ---- */
+
+/* Ask the store for memory for this number of frames. */
+int ddx_reader_ask(DDX_STORE_ITEM *item, unsigned frames);
+/*
+ * Wait for a frame according to `tail` and pin it with pin number `pin`. `lock` is released while sleeping. On success
+ * frame->slot is pinned in item->reader.term; until then the pin holds the former frame.
+ */
+int ddx_reader_take(DDX_STORE_ITEM *item, unsigned pin, struct ddx_ring_frame *frame, uint64_t *missed, double timeout,
+                    int tail);
+/*
+ * Wake the reader if it has slept since before the last message. Returns whether it has: then call again soon, since
+ * the reader may be about to sleep, and sleeps on the writer's word only.
+ */
+bool ddx_reader_wake(const DDX_STORE_ITEM *item);
+
+/* ---- The reader's role: reader_role.c ---- */
 
 /* Reserve a window that is large enough for `shown`. 0, or -errno. */
 int ddx_window_make(struct ddx_reader_role *reader, const struct ddx_layout *shown);
@@ -30,7 +76,12 @@ void ddx_reader_saw(struct ddx_reader_role *reader, uint64_t sequence);
 void ddx_reader_follow(struct ddx_reader_role *reader); /* switch to the coming term, if no frame is held */
 void ddx_reader_end(struct ddx_reader_role *reader);
 
-/* ---- Writer: writer_role.c ---- */
+/* ---- A writer: writer.c ---- */
+
+/* Become the item's writer, unless this handle is the writer already. 0, or -errno. */
+int ddx_writer_claim(DDX_STORE_ITEM *item);
+
+/* ---- The writer's role: writer_role.c ---- */
 
 void ddx_writer_on_reader(DDX_STORE_ITEM *item, struct ddx_packet *packet);
 void ddx_writer_on_reader_gone(struct ddx_writer_role *writer, const struct ddx_message *m);

@@ -1,6 +1,6 @@
 /* SPDX-License-Identifier: LGPL-2.1-or-later */
 /* Writing: claim the item once, then loan, fill, publish. */
-#include "writer.h"
+#include "roles.h"
 
 #include <errno.h>
 #include <poll.h>
@@ -8,9 +8,7 @@
 
 #include "fault.h"
 #include "futex.h"
-#include "receive.h"
 #include "handle.h"
-#include "roles.h"
 
 #define REFUSAL 5 /* ms to wait for the store to refuse a reader whose pins cannot be checked */
 
