@@ -8,7 +8,7 @@
 #include <unistd.h>
 
 #include "../../package/ddx/store/budget.h"
-#include "../../package/ddx/store/claim.h"
+#include "../../package/ddx/store/terms.h"
 #include "../../package/ddx/store/items.h"
 #include "holder_beats.h"
 #include "store_alone.h"

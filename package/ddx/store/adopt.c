@@ -3,14 +3,13 @@
 #include <string.h>
 
 #include "../lib/fault.h"
-#include "adopt.h"
+#include "terms.h"
 #include "budget.h"
 #include "epoch.h"
 #include "files.h"
 #include "items.h"
 #include "log.h"
 #include "send.h"
-#include "readers.h"
 
 #define OFFERED 16 /* descriptors to free when an offer arrived without all of its files: the client offers again */
 #define NOT_OURS "no store made these files, or they belong to another item"

@@ -5,13 +5,12 @@
 #include "../lib/fault.h"
 #include "../lib/futex.h"
 #include "budget.h"
-#include "claim.h"
+#include "terms.h"
 #include "epoch.h"
 #include "files.h"
 #include "items.h"
 #include "log.h"
 #include "send.h"
-#include "readers.h"
 
 #define BESIDE 4 /* other descriptors of an epoch: control page, notice, the readers' one, the one to watch its end */
 

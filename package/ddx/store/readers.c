@@ -10,7 +10,7 @@
 #include "items.h"
 #include "log.h"
 #include "send.h"
-#include "readers.h"
+#include "terms.h"
 
 /* ns */
 #define STOPPED 100000000   /* without an answer, after which a writer seems to be stopped */

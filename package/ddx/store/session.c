@@ -11,16 +11,14 @@
 #include <unistd.h>
 
 #include "../lib/fault.h"
-#include "adopt.h"
+#include "terms.h"
 #include "budget.h"
 #include "checkpoint.h"
-#include "claim.h"
 #include "epoch.h"
 #include "files.h"
 #include "holder.h"
 #include "items.h"
 #include "log.h"
-#include "readers.h"
 #include "send.h"
 
 /* Whether the message must wait for the next turn: see reader_must_wait(). */
