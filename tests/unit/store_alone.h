@@ -6,7 +6,6 @@
 #include <sys/socket.h>
 
 #include "../../package/ddx/store/checkpoint.h"
-#include "../../package/ddx/store/resume.h"
 #include "../../package/ddx/store/session.h"
 #include "check.h"
 

@@ -27,9 +27,8 @@
 #include "files.h"
 #include "holder.h"
 #include "log.h"
-#include "resume.h"
-#include "send.h"
 #include "session.h"
+#include "send.h"
 #include "state.h"
 
 /* ---- Socket ---- */

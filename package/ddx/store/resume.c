@@ -8,7 +8,6 @@
 #include "checkpoint.h"
 #include "log.h"
 #include "session.h"
-#include "resume.h"
 
 static int use(int fd) {
     int result = file_use(fd);

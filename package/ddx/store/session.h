@@ -1,5 +1,5 @@
 /* SPDX-License-Identifier: GPL-2.0-or-later */
-/* Connections of clients. */
+/* Connections of clients, and how a worker begins. */
 #ifndef STORE_SESSION_H
 #define STORE_SESSION_H
 
@@ -23,5 +23,11 @@ void clients_hear(struct store *store, const struct pollfd *found);
 void clients_sweep(struct store *store); /* remove disconnected clients */
 /* After the commit, send the pending messages: to `last` (or NULL) after all others. */
 void clients_tell(struct store *store, struct client *last);
+
+/* ---- Begin of a worker, as the first or as a successor: resume.c ---- */
+
+void store_memory(void);                                    /* keep queued messages in checkpointed memory */
+struct store *store_begin(const struct settings *settings); /* the first worker's state; NULL: no memory */
+struct store *store_take_over(void);                        /* the previous worker's state */
 
 #endif
