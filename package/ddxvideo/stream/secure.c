@@ -1,11 +1,8 @@
 /* SPDX-License-Identifier: GPL-2.0-or-later */
 #include "secure.h"
 
-#include <assert.h>
 #include <errno.h>
-#include <srtp2/srtp.h>
 #include <stdio.h>
-#include <stdlib.h>
 #include <string.h>
 
 #include "bits.h"
@@ -81,6 +78,11 @@ size_t rollover_take(uint8_t *packet, size_t size) {
 }
 
 /* ---- Encryption ---- */
+
+#ifdef WITH_SRTP
+#include <assert.h>
+#include <srtp2/srtp.h>
+#include <stdlib.h>
 
 #define RTP_HEADER 12 /* bytes of each packet, at least */
 #define RTCP_HEADER 8
@@ -369,3 +371,52 @@ size_t secure_sdp(const struct secure *secure, char *text) {
     explicit_bzero(key, sizeof key);
     return (size_t)length;
 }
+
+#else
+
+/* No key can be read, so the other functions are never called with one. */
+struct secure *secure_open(const char *path, char *error) {
+    snprintf(error, KEY_FILE_ERROR_MAX, "%.200s: this build has no encryption, because libsrtp2 was missing", path);
+    return NULL;
+}
+
+void secure_close(struct secure *secure) {
+    (void)secure;
+}
+
+int secure_protect(struct secure *secure, uint8_t *packet, size_t *size) {
+    (void)secure, (void)packet, (void)size;
+    return -EINVAL;
+}
+
+int secure_protect_report(struct secure *secure, uint8_t *packet, size_t *size) {
+    return secure_protect(secure, packet, size);
+}
+
+int secure_unprotect(struct secure *secure, uint8_t *packet, size_t *size) {
+    (void)secure, (void)packet, (void)size;
+    return -EBADMSG;
+}
+
+int secure_unprotect_report(struct secure *secure, uint8_t *packet, size_t *size) {
+    return secure_unprotect(secure, packet, size);
+}
+
+const struct secure_count *secure_received(const struct secure *secure) {
+    static const struct secure_count none;
+
+    (void)secure;
+    return &none;
+}
+
+const struct secure_count *secure_received_reports(const struct secure *secure) {
+    return secure_received(secure);
+}
+
+size_t secure_sdp(const struct secure *secure, char *text) {
+    (void)secure;
+    *text = 0;
+    return 0;
+}
+
+#endif
