@@ -13,7 +13,7 @@
 #include <time.h>
 #include <unistd.h>
 
-#define SLOW 20000000 /* ns */
+#define SLOW_NS 20000000
 #define PLANS 4
 
 #define NAME(name, text) text,
@@ -79,7 +79,7 @@ static int64_t clock_now(void) {
 
 static void strike(const struct plan *plan) {
     if (!plan->signal) {
-        nanosleep(&(struct timespec){0, SLOW}, NULL);
+        nanosleep(&(struct timespec){0, SLOW_NS}, NULL);
         return;
     }
     if (journal && !plan->quiet) {

@@ -50,7 +50,7 @@ void ddx_futex_change(ddx_word *own) {
 
 /* ---- A handle's lock ---- */
 
-#define STEP 50000 /* ns between attempts on a kernel that cannot lend priorities */
+#define STEP_NS 50000 /* between attempts on a kernel that cannot lend priorities */
 
 __thread uint32_t ddx_thread_number;
 
@@ -71,7 +71,7 @@ uint32_t ddx_lock_thread(void) {
 
 void ddx_lock_wait(ddx_lock *lock) {
     while (syscall(SYS_futex, lock, FUTEX_LOCK_PI_PRIVATE, 0, NULL, NULL, 0)) {
-        struct timespec step = {0, STEP};
+        struct timespec step = {0, STEP_NS};
 
         if (errno == EINTR || errno == EAGAIN)
             continue;

@@ -16,8 +16,8 @@
  */
 extern int ddx_connection_waker __attribute__((visibility("hidden")));
 
-#define DDX_RETRY 50000000         /* ns between attempts to reconnect to the store */
-#define DDX_ANSWER_WAIT 5000000000 /* ns that the store may take to answer */
+#define DDX_RETRY_NS 50000000    /* between attempts to reconnect to the store */
+#define DDX_ANSWER_NS 5000000000 /* that the store may take to answer */
 
 struct ddx_store_id {
     int port;

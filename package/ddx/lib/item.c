@@ -13,13 +13,13 @@
 
 /* Opening and closing: the store, and handles on items. */
 
-#define OPEN_STEP 20000000 /* ns between attempts to reach the store */
+#define OPEN_STEP_NS 20000000 /* between attempts to reach the store */
 
 int ddx_local_open(int port, int64_t deadline, DDX_STORE_ID **id) {
     int probe;
 
     while ((probe = ddx_connect(port ? port : DDX_STORE_PORT)) < 0) {
-        struct timespec step = {0, OPEN_STEP};
+        struct timespec step = {0, OPEN_STEP_NS};
 
         if (ddx_time_now() >= deadline)
             return probe;
@@ -332,9 +332,9 @@ int ddx_store_item_info(DDX_STORE_ITEM *item, struct ddx_item_info *info) {
     return result;
 }
 
-/* Get the next message on this connection, within DDX_ANSWER_WAIT; *heard: number of the last message. */
+/* Get the next message on this connection, within DDX_ANSWER_NS; *heard: number of the last message. */
 static int next(int socket, struct ddx_packet *packet, uint64_t *heard) {
-    int64_t deadline = ddx_time_now() + DDX_ANSWER_WAIT;
+    int64_t deadline = ddx_time_now() + DDX_ANSWER_NS;
     int result;
 
     while ((result = ddx_receive(socket, packet)) == 0 || (result > 0 && packet->message.number <= *heard)) {

@@ -12,7 +12,7 @@
 #include "fault.h"
 #include "handle.h"
 
-#define SOON DDX_QUEUE_PAUSE /* ms until the keeper tries an item again that its owner is using */
+#define SOON_MS DDX_QUEUE_PAUSE_MS /* until the keeper tries an item again that its owner is using */
 
 static struct {
     pthread_mutex_t lock;
@@ -35,7 +35,7 @@ static int look_after(DDX_STORE_ITEM *item) {
     /* Never wait here: the owner may hold the lock while it waits for the store's answer. */
     item->listen = (struct pollfd){.fd = -1};
     if (!ddx_lock_try(&item->lock))
-        return SOON; /* a busy owner receives its messages itself; polling for them would only keep this thread awake */
+        return SOON_MS; /* a busy owner receives its messages itself; polling for them would keep this thread awake */
     if (item->socket >= 0) {
         ddx_queue_go_on(&item->queue, item->socket, NULL, NULL); /* a dead peer may have left messages */
         ddx_item_service(item);
@@ -44,15 +44,15 @@ static int look_after(DDX_STORE_ITEM *item) {
         int64_t now = ddx_time_now();
 
         if (now >= item->retry && ddx_item_reconnect(item))
-            item->retry = now + DDX_RETRY;
-        again = item->socket < 0 ? DDX_RETRY / 1000000 : -1;
+            item->retry = now + DDX_RETRY_NS;
+        again = item->socket < 0 ? DDX_RETRY_NS / 1000000 : -1;
     }
     if (item->writer.leaving_count)
         ddx_writer_forget(&item->writer, false);
     if (item->writer.leaving_count && again < 0)
-        again = DDX_RETRY / 1000000;
+        again = DDX_RETRY_NS / 1000000;
     if (ddx_reader_wake(item) || item->queue.crowded)
-        again = SOON;
+        again = SOON_MS;
     item->listen = (struct pollfd){.fd = item->socket, .events = (short)(POLLIN | ddx_queue_events(&item->queue))};
     ddx_lock_give(&item->lock);
     return again;
@@ -93,7 +93,7 @@ static void *run(void *unused) {
         }
         struct pollfd *list = listen_list(&count);
         pthread_mutex_unlock(&keeper.lock);
-        poll(list, count, list ? wait : SOON);
+        poll(list, count, list ? wait : SOON_MS);
         DDX_PASS(KEEPER_HEARD);
         uint64_t ignored;
         if (list && list[0].revents & POLLIN && read(list[0].fd, &ignored, sizeof ignored) < 0) {

@@ -126,7 +126,7 @@ static int reopen_marked(int fd, int flags, short type, enum mark mark) {
     return own;
 }
 
-static bool marked(int fd, enum mark mark) {
+static bool is_marked(int fd, enum mark mark) {
     struct flock lock = {.l_type = F_WRLCK, .l_whence = SEEK_SET, .l_start = mark, .l_len = 1};
 
     return !fcntl(fd, F_OFD_GETLK, &lock) && lock.l_type != F_UNLCK;
@@ -137,7 +137,7 @@ int ddx_memory_hold(int fd) {
 }
 
 bool ddx_memory_held(int fd) {
-    return marked(fd, HELD);
+    return is_marked(fd, HELD);
 }
 
 int ddx_memory_share(int fd) {
@@ -145,7 +145,7 @@ int ddx_memory_share(int fd) {
 }
 
 bool ddx_memory_shared(int fd) {
-    return marked(fd, SHARED);
+    return is_marked(fd, SHARED);
 }
 
 int ddx_memory_watch(int fd) {

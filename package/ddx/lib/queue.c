@@ -10,7 +10,7 @@
 #include <sys/ioctl.h>
 #include <unistd.h>
 
-#define PATIENCE 100000000 /* ns */
+#define PATIENCE_NS 100000000
 
 struct ddx_queued {
     struct ddx_queued *next;
@@ -82,7 +82,7 @@ int ddx_queue_put(struct ddx_queue *queue, const struct ddx_message *message, co
 }
 
 /* Whether the peer has left messages unread for so long that it may be stopped. */
-static bool sleeps(struct ddx_queue *queue, int socket) {
+static bool is_asleep(struct ddx_queue *queue, int socket) {
     int unread;
 
     if (ioctl(socket, SIOCOUTQ, &unread))
@@ -90,12 +90,12 @@ static bool sleeps(struct ddx_queue *queue, int socket) {
     int64_t now = ddx_time_now();
     if (!unread)
         queue->since = now;
-    return unread && now > queue->since + PATIENCE;
+    return unread && now > queue->since + PATIENCE_NS;
 }
 
 static int try(struct ddx_queue *queue, int socket, const struct ddx_message *message, const struct ddx_layout *layout,
                const int *fds, unsigned fd_count) {
-    bool sleeping = sleeps(queue, socket);
+    bool sleeping = is_asleep(queue, socket);
 
     queue->crowded = message->operation == DDX_EPOCH && sleeping;
     int result = queue->crowded ? -EAGAIN : ddx_send(socket, message, layout, fds, fd_count);
@@ -137,7 +137,7 @@ int ddx_queue_go_on(struct ddx_queue *queue, int socket, void (*sent)(const stru
     return 0;
 }
 
-static bool of_epoch(const struct ddx_message *message) {
+static bool is_of_epoch(const struct ddx_message *message) {
     return message->operation == DDX_EPOCH || (message->operation == DDX_SLOT && message->flags == DDX_FLAG_READER);
 }
 
@@ -148,7 +148,7 @@ void ddx_queue_drop_epoch(struct ddx_queue *queue) {
     while (*link) {
         struct ddx_queued *queued = *link;
 
-        if (of_epoch(&queued->message)) {
+        if (is_of_epoch(&queued->message)) {
             *link = queued->next;
             queue->count--;
             queue->files -= queued->fd_count;

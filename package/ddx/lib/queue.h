@@ -2,7 +2,7 @@
 /*
  * Messages wait here until the peer's socket has room (an item may have more frames than a socket holds messages), so
  * no program blocks on a slow peer. Once a queue exists, everything is sent through it. Continue when poll() reports
- * the events of ddx_queue_events(), or after DDX_QUEUE_PAUSE while the queue is crowded.
+ * the events of ddx_queue_events(), or after DDX_QUEUE_PAUSE_MS while the queue is crowded.
  */
 #ifndef DDX_QUEUE_H
 #define DDX_QUEUE_H
@@ -22,7 +22,7 @@ struct ddx_queue {
     int64_t since; /* last time that something was sent while nothing was unread, ns */
 };
 
-#define DDX_QUEUE_PAUSE 5 /* ms */
+#define DDX_QUEUE_PAUSE_MS 5
 
 /* Allocator of queued messages, and how their descriptors are kept: as copies, unless the program replaces this. */
 struct ddx_queue_memory {

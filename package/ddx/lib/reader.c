@@ -9,21 +9,21 @@
 #include "fault.h"
 #include "futex.h"
 
-#define AGAIN_WAIT 10000000    /* ns between requests to attach */
-#define ATTEMPTS 5             /* to pin a frame that was overwritten or is not mapped yet, even without a timeout */
-#define OVERTAKEN 10000        /* attempts when there is no earlier frame; only a malicious writer causes this many */
-#define UNMAPPED_WAIT 10000000 /* ns within which the store announces an added slot */
+#define AGAIN_NS 10000000    /* between requests to attach */
+#define ATTEMPTS 5           /* to pin a frame that was overwritten or is not mapped yet, even without a timeout */
+#define OVERTAKEN 10000      /* attempts when there is no earlier frame; only a malicious writer causes this many */
+#define UNMAPPED_NS 10000000 /* within which the store announces an added slot */
 
 int ddx_reader_ask(DDX_STORE_ITEM *item, unsigned frames) {
     struct ddx_message message;
 
     ddx_message_init(&message, DDX_ATTACH, item);
     message.frames = frames;
-    int64_t deadline = ddx_time_now() + DDX_ANSWER_WAIT;
+    int64_t deadline = ddx_time_now() + DDX_ANSWER_NS;
     int result;
     /* -EAGAIN: the store was restarted and the item's writer has not reported back yet. */
     while ((result = ddx_item_request(item, &message, NULL, DDX_ATTACHED)) == -EAGAIN && ddx_time_now() < deadline) {
-        struct timespec step = {0, AGAIN_WAIT};
+        struct timespec step = {0, AGAIN_NS};
 
         nanosleep(&step, NULL);
     }
@@ -75,7 +75,7 @@ enum wanted { PINNED, NOT_THERE, GONE };
 
 /* The frame is in an added slot that is not mapped yet: wait for the slot's announcement. */
 DDX_COLD static void await_slot(DDX_STORE_ITEM *item, unsigned slot) {
-    int64_t until = ddx_time_now() + UNMAPPED_WAIT;
+    int64_t until = ddx_time_now() + UNMAPPED_NS;
     uint32_t changed = atomic_load(&item->changed);
 
     ddx_item_service(item);

@@ -182,7 +182,7 @@ int ddx_item_service(DDX_STORE_ITEM *item) {
         return 0;
     ddx_item_disconnect(item);
     if (item->lost_files) /* there may be descriptors next time; the store then announces everything again */
-        item->retry += DDX_RETRY;
+        item->retry += DDX_RETRY_NS;
     return -EPIPE;
 }
 
@@ -196,7 +196,7 @@ int ddx_item_reconnect(DDX_STORE_ITEM *item) {
 
 int ddx_item_request(DDX_STORE_ITEM *item, const struct ddx_message *message, const struct ddx_layout *layout,
                      uint32_t answer) {
-    int64_t deadline = ddx_time_now() + DDX_ANSWER_WAIT;
+    int64_t deadline = ddx_time_now() + DDX_ANSWER_NS;
 
     if (item->socket < 0 && ddx_item_reconnect(item))
         return -ECONNREFUSED;
@@ -214,7 +214,7 @@ int ddx_item_request(DDX_STORE_ITEM *item, const struct ddx_message *message, co
         if (left <= 0)
             result = -ETIMEDOUT;
         else {
-            poll(&wait, 1, item->queue.crowded ? DDX_QUEUE_PAUSE : (int)(left / 1000000) + 1);
+            poll(&wait, 1, item->queue.crowded ? DDX_QUEUE_PAUSE_MS : (int)(left / 1000000) + 1);
             result = ddx_queue_go_on(&item->queue, item->socket, NULL, NULL);
             if (!result)
                 result = ddx_item_service(item);

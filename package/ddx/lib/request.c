@@ -145,8 +145,8 @@ static int ddx_request_by(ddx_lookup *lookup, DDX_STORE_ID *id, const char *item
 /* Items of other machines: the catalog makes them in this machine's store, on request. */
 
 #define CATALOG "catalog"
-#define OPEN_STEP 20000000 /* ns between two attempts to find a machine */
-#define ASK 5.0            /* s that the catalog may take to answer */
+#define OPEN_STEP_NS 20000000 /* between two attempts to find a machine */
+#define ASK 5.0               /* s that the catalog may take to answer */
 
 /* As ddx_store_lookup_item(), for items of this machine. */
 static DDX_STORE_ITEM *find_here(DDX_STORE_ID *id, const char *name, const char *type, int size) {
@@ -182,7 +182,7 @@ static int wait_for_machine(const DDX_STORE_ID *id, const char *host, int64_t de
         return -EINVAL;
     /* The catalog may be started after this program. */
     while (((error = ask_catalog(id, name, ASK)) == -EHOSTUNREACH || error == -EOPNOTSUPP) && ddx_time_now() < deadline)
-        nanosleep(&(struct timespec){.tv_nsec = OPEN_STEP}, NULL);
+        nanosleep(&(struct timespec){.tv_nsec = OPEN_STEP_NS}, NULL);
     return error;
 }
 

@@ -65,17 +65,17 @@ bool ddx_layout_empty(const struct ddx_layout *layout) {
 }
 
 /* Identifiers, joined by dots; "" is a type that is not a struct. */
-static bool field_name_valid(const char *name) {
+static bool is_field_name(const char *name) {
     size_t length = strnlen(name, DDX_NAME_MAX + 1);
 
     return length <= DDX_NAME_MAX && strspn(name, FIELD_CHARACTERS) == length;
 }
 
-static bool field_valid(const struct ddx_layout *layout, unsigned i, uint64_t begin, uint64_t end) {
+static bool is_field_valid(const struct ddx_layout *layout, unsigned i, uint64_t begin, uint64_t end) {
     const struct ddx_layout_field *field = &layout->field[i];
     uint64_t bytes = (uint64_t)field->bytes * field->count;
 
-    if (!field_name_valid(field->name) || field->kind < DDX_KIND_INT || field->kind > DDX_KIND_STRUCT)
+    if (!is_field_name(field->name) || field->kind < DDX_KIND_INT || field->kind > DDX_KIND_STRUCT)
         return false;
     if (field->bytes < 1 || field->count < 1 || bytes > DDX_SIZE_MAX || field->used > bytes ||
         (!field->used && !field->extent))
@@ -88,7 +88,7 @@ static bool field_valid(const struct ddx_layout *layout, unsigned i, uint64_t be
     if (field->children < 1 || last >= layout->field_count)
         return false;
     for (unsigned child = i + 1; child <= last; child = ddx_layout_after(layout, child)) {
-        if (!field_valid(layout, child, field->offset, field->offset + field->bytes) ||
+        if (!is_field_valid(layout, child, field->offset, field->offset + field->bytes) ||
             child + layout->field[child].children > last)
             return false;
     }
@@ -103,7 +103,7 @@ bool ddx_layout_valid(const struct ddx_layout *layout, size_t bytes) {
     for (unsigned i = 0; i < layout->field_count; i = ddx_layout_after(layout, i)) {
         const struct ddx_layout_field *field = &layout->field[i];
 
-        if (!field_valid(layout, i, begin, layout->size))
+        if (!is_field_valid(layout, i, begin, layout->size))
             return false;
         begin = field->offset + (uint64_t)field->bytes * field->count;
     }
@@ -124,7 +124,7 @@ bool ddx_layout_same(const struct ddx_layout *a, const struct ddx_layout *b) {
 }
 
 /* Whether two fields are equal, except for the offset in the outermost struct, and for the bound if `open_bound`. */
-static bool alike(const struct ddx_layout *a, unsigned i, const struct ddx_layout *b, unsigned j, bool open_bound) {
+static bool is_alike(const struct ddx_layout *a, unsigned i, const struct ddx_layout *b, unsigned j, bool open_bound) {
     const struct ddx_layout_field *x = &a->field[i], *y = &b->field[j];
 
     if (x->kind != y->kind || x->bytes != y->bytes || x->children != y->children ||
@@ -179,7 +179,7 @@ int ddx_layout_match(const struct ddx_layout *item, const struct ddx_layout *own
     for (; i < item->field_count && j < own->field_count; i = ddx_layout_after(item, i), j = ddx_layout_after(own, j)) {
         const struct ddx_layout_field *x = &item->field[i], *y = &own->field[j];
 
-        if (!alike(item, i, own, j, x->extent) || (!open && x->offset != y->offset))
+        if (!is_alike(item, i, own, j, x->extent) || (!open && x->offset != y->offset))
             result = -EPROTOTYPE;
         else if (!result && x->used > (uint64_t)y->bytes * y->count)
             result = -EMSGSIZE;
@@ -209,7 +209,7 @@ int ddx_layout_may_become(const struct ddx_layout *old, const struct ddx_layout 
          i = ddx_layout_after(old, i), j = ddx_layout_after(fresh, j)) {
         bool extent = old->field[i].extent && fresh->field[j].extent;
 
-        if (!alike(old, i, fresh, j, extent) ||
+        if (!is_alike(old, i, fresh, j, extent) ||
             (!ddx_layout_extents(old) && old->field[i].offset != fresh->field[j].offset))
             return -EPROTOTYPE;
     }

@@ -10,7 +10,7 @@
 #include "futex.h"
 #include "handle.h"
 
-#define REFUSAL 5 /* ms to wait for the store to refuse a reader whose pins cannot be checked */
+#define REFUSAL_MS 5 /* to wait for the store to refuse a reader whose pins cannot be checked */
 
 int ddx_writer_claim(DDX_STORE_ITEM *item) {
     struct ddx_message message;
@@ -39,7 +39,7 @@ DDX_HOT static int choose(DDX_STORE_ITEM *item, unsigned *slot) {
     if (writer->unseen_count) { /* the store refuses it at once, unless this program was stopped for long */
         struct pollfd wait = {.fd = item->socket, .events = POLLIN};
 
-        poll(&wait, 1, REFUSAL);
+        poll(&wait, 1, REFUSAL_MS);
         ddx_item_service(item);
     }
     while ((result = writer->unseen_count ? -EMFILE : ddx_ring_choose(&writer->ring, slot)) != 0) {

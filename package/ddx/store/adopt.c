@@ -106,7 +106,7 @@ static bool is_current(const struct item *item, const struct epoch *epoch) {
 }
 
 /* Whether the budget has room for the item with this epoch instead of its own. */
-static bool affordable(struct item *item, struct epoch *epoch) {
+static bool is_affordable(struct item *item, struct epoch *epoch) {
     struct epoch *former = item->epoch;
 
     item->epoch = epoch;
@@ -141,7 +141,7 @@ static int adopt_epoch(struct item *item, struct client *client, bool writes) {
     if (item->epoch && (!item->foreign || item->pending || epoch->number < item->epoch->number ||
                         (epoch->number == item->epoch->number && (!writes || item->writer))))
         return 0;
-    if (!affordable(item, epoch))
+    if (!is_affordable(item, epoch))
         return -ENOSPC;
     supersede(item);
     item_begin_epoch(item, epoch);
@@ -177,7 +177,7 @@ static int adopt_writer(struct item *item, struct client *client, bool current) 
 }
 
 /* Whether a reader with this pin page is known already. */
-static bool reads(const struct item *item, int pin_fd) {
+static bool has_reader(const struct item *item, int pin_fd) {
     for (const struct client *c = NULL; (c = item_next_reader(item, c));)
         if (ddx_memory_same(c->pin_fd, pin_fd))
             return true;
@@ -191,7 +191,7 @@ static int adopt_reader(struct item *item, struct client *client) {
     if (client->id || keep < 1 || keep > DDX_READERS_MAX || !memfd_name_is(fd, memfd_name_of(item->name, "pin")) ||
         !ddx_memory_sound(fd, ddx_page_round(1), true))
         return -EINVAL;
-    if (reads(item, fd))
+    if (has_reader(item, fd))
         return -EEXIST;
     /* Other readers may have its share by now: it gets the rest, but at least one frame for each pin. */
     while (reader_add_slots(item, keep, 1)) {

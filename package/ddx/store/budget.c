@@ -83,7 +83,7 @@ static bool is_left(const struct item *item, const struct item *except) {
     return !item->handles && item != except;
 }
 
-static bool any_below(const struct item *item, int below) {
+static bool has_descriptor_below(const struct item *item, int below) {
     const struct epoch *epoch = item->epoch;
 
     if (item->notice_fd >= 0 && item->notice_fd < below)
@@ -115,7 +115,7 @@ static struct item *leftover_first(const struct store *store, const struct item 
     for (struct item *item = store->items; item; item = item->next) {
         struct ddx_ring_frame frame = {.time = 0};
 
-        if (!is_left(item, except) || !any_below(item, below) || !is_paid_by(item, payer))
+        if (!is_left(item, except) || !has_descriptor_below(item, below) || !is_paid_by(item, payer))
             continue;
         if (item->epoch)
             ddx_ring_peek(item->epoch->control, &frame);

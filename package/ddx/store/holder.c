@@ -22,16 +22,16 @@
 #include "log.h"
 
 /*
- * ns without a beat, by the clock. At most LOOK counts between two checks, since a holder that was stopped cannot know
- * whether its worker was stopped too. Clients give up a request after five seconds, and then ddxhealth restarts the
- * whole store; the next worker must answer before that.
+ * Time without a beat, by the clock. At most LOOK_NS counts between two checks, since a holder that was stopped cannot
+ * know whether its worker was stopped too. Clients give up a request after five seconds, and then ddxhealth restarts
+ * the whole store; the next worker must answer before that.
  */
-#define HUNG INT64_C(3000000000)
-#define LOOK INT64_C(1000000000)
-#define PATIENCE INT64_C(2000000000) /* ns that a worker gets to exit */
-#define STRIKES 3                    /* workers that one client may kill */
-#define HASTE 20                     /* workers within a second without a pause */
-#define REST 100000000               /* ns of that pause */
+#define HUNG_NS INT64_C(3000000000)
+#define LOOK_NS INT64_C(1000000000)
+#define PATIENCE_NS INT64_C(2000000000) /* that a worker gets to exit */
+#define STRIKES_MOST 3                  /* workers that one client may kill */
+#define WORKERS_A_SECOND 20             /* workers within a second without a pause */
+#define REST_NS 100000000               /* of that pause */
 
 /* Shared by holder and workers; a test that is its own worker has no holder. */
 static struct watch {
@@ -81,7 +81,7 @@ static void blame(void) {
 
     strikes = served && served == last ? strikes + 1 : 1;
     last = served;
-    watch->banned = served && strikes >= STRIKES ? served : 0;
+    watch->banned = served && strikes >= STRIKES_MOST ? served : 0;
 }
 
 /* Workers that die as soon as they begin must not take all processor time. */
@@ -93,8 +93,8 @@ static void slow_down(void) {
         since = ddx_time_now();
         count = 0;
     }
-    if (++count > HASTE)
-        nanosleep(&(struct timespec){0, REST}, NULL);
+    if (++count > WORKERS_A_SECOND)
+        nanosleep(&(struct timespec){0, REST_NS}, NULL);
 }
 
 static void end(pid_t worker) {
@@ -104,7 +104,7 @@ static void end(pid_t worker) {
     sigaddset(&child, SIGCHLD);
     kill(worker, SIGTERM);
     kill(worker, SIGCONT);
-    for (int64_t now, deadline = ddx_time_now() + PATIENCE; (now = ddx_time_now()) < deadline;) {
+    for (int64_t now, deadline = ddx_time_now() + PATIENCE_NS; (now = ddx_time_now()) < deadline;) {
         if (waitpid(worker, NULL, WNOHANG) == worker)
             return;
         /* The first SIGCHLD may only report that the worker continues. */
@@ -115,7 +115,7 @@ static void end(pid_t worker) {
 }
 
 /* False: the worker is dead; logs how it died. */
-static bool still_there(pid_t worker) {
+static bool is_alive(pid_t worker) {
     int status;
 
     if (waitpid(worker, &status, WNOHANG) != worker)
@@ -133,14 +133,14 @@ struct silence {
 };
 
 /* True once for each silence, however often signals wake the holder. */
-static bool hangs(struct silence *silence) {
+static bool is_hanging(struct silence *silence) {
     int64_t now = ddx_time_now(), passed = now - silence->looked;
     uint32_t beats = watch->beats;
 
-    silence->lasted = beats == silence->beats ? silence->lasted + (passed < LOOK ? passed : LOOK) : 0;
+    silence->lasted = beats == silence->beats ? silence->lasted + (passed < LOOK_NS ? passed : LOOK_NS) : 0;
     silence->beats = beats;
     silence->looked = now;
-    if (silence->lasted < HUNG)
+    if (silence->lasted < HUNG_NS)
         return false;
     silence->lasted = 0;
     return true;
@@ -164,7 +164,7 @@ int holder_run(int (*work)(void)) {
     while ((worker = start(work)) >= 0) {
         struct silence silence = {.beats = watch->beats, .looked = ddx_time_now()};
 
-        while (still_there(worker)) {
+        while (is_alive(worker)) {
             int signal = sigtimedwait(&signals, NULL, &(struct timespec){1, 0});
 
             if (signal == SIGTERM || signal == SIGINT) {
@@ -173,7 +173,7 @@ int holder_run(int (*work)(void)) {
             }
             if (signal == SIGUSR1)
                 kill(worker, SIGUSR1);
-            if (hangs(&silence)) {
+            if (is_hanging(&silence)) {
                 log_line("the worker hangs");
                 kill(worker, SIGKILL);
             }

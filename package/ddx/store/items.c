@@ -17,11 +17,11 @@
  * old memory, so that memory counts until the kernel reports that no process has it.
  */
 
-static bool in_use(int watch) {
+static bool is_in_use(int watch) {
     return ddx_memory_shared(watch) || ddx_memory_held(watch);
 }
 
-static bool known(const struct store *store, int watch) {
+static bool is_known(const struct store *store, int watch) {
     for (const struct retired *retired = store->retired; retired; retired = retired->next)
         if (ddx_memory_same(retired->watch, watch))
             return true;
@@ -43,7 +43,7 @@ void epoch_retire(struct item *item, struct epoch *epoch) {
         *retired = (struct retired){store->retired, item, bytes, watch};
     }
     epoch_free(epoch); /* the store's own descriptors and mappings must not count */
-    if (watch >= 0 && in_use(watch) && !known(store, watch)) {
+    if (watch >= 0 && is_in_use(watch) && !is_known(store, watch)) {
         store->retired = retired;
         return;
     }
@@ -67,7 +67,7 @@ void retired_sweep(struct store *store) {
     while (*link) {
         struct retired *retired = *link;
 
-        if (in_use(retired->watch)) {
+        if (is_in_use(retired->watch)) {
             link = &retired->next;
             continue;
         }

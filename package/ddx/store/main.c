@@ -34,8 +34,8 @@
 /* ---- Socket ---- */
 
 #define LOCK_TRIES 100
-#define BACKLOG 1024       /* waiting connections; a further one is refused as if no store ran */
-#define LOCK_STEP 10000000 /* ns */
+#define BACKLOG 1024 /* waiting connections; a further one is refused as if no store ran */
+#define LOCK_STEP_NS 10000000
 
 /* One store per port: the lock is held as long as this process lives, however it ends. */
 static int lock_port(const char *path) {
@@ -51,7 +51,7 @@ static int lock_port(const char *path) {
             close(fd);
             return -EADDRINUSE;
         }
-        nanosleep(&(struct timespec){0, LOCK_STEP}, NULL);
+        nanosleep(&(struct timespec){0, LOCK_STEP_NS}, NULL);
     }
     return 0;
 }
@@ -110,11 +110,11 @@ static int listen_on(int port, char *path, size_t bytes, bool *restarted) {
 /* The worker: waits for messages of its clients, and handles them one after the other. */
 
 /* ns of listening after a restart */
-#define GRACE 250000000   /* in which only living holders are served */
-#define NOISE 1000000000  /* after which new clients are served although holders still send a lot */
-#define SETTLE 2000000000 /* after which holders that did not report count as dead */
-#define TICK 20000000     /* between checks of the clock during this time */
-#define BEAT 500000000    /* between reports of liveness, at most */
+#define GRACE_NS 250000000   /* in which only living holders are served */
+#define NOISE_NS 1000000000  /* after which new clients are served although holders still send a lot */
+#define SETTLE_NS 2000000000 /* after which holders that did not report count as dead */
+#define TICK_NS 20000000     /* between checks of the clock during this time */
+#define BEAT_NS 500000000    /* between reports of liveness, at most */
 
 static volatile sig_atomic_t stop, report;
 
@@ -144,7 +144,7 @@ static void print_json(struct store *store) {
 
 /* Remove readers that died while no store ran from the writers' lists. */
 static void settle(struct store *store) {
-    if (store->settled || !store->settings->restarted || store->listened < SETTLE)
+    if (store->settled || !store->settings->restarted || store->listened < SETTLE_NS)
         return;
     store->settled = true;
     DDX_PASS(STORE_SETTLED);
@@ -197,8 +197,8 @@ static void count_time(struct store *store, bool calm) {
     int64_t now = ddx_time_now(), passed = last ? now - last : 0;
 
     last = now;
-    store->listened += passed < TICK ? passed : TICK;
-    if (store->listened >= (calm ? GRACE : NOISE))
+    store->listened += passed < TICK_NS ? passed : TICK_NS;
+    if (store->listened >= (calm ? GRACE_NS : NOISE_NS))
         store->open = true;
 }
 
@@ -212,8 +212,8 @@ static struct timespec patience(const struct store *store, bool young, bool wait
     if (busy)
         return (struct timespec){0, 0};
     if (young)
-        return (struct timespec){0, grace && store->listened >= GRACE ? 0 : TICK};
-    return (struct timespec){0, waits ? DDX_QUEUE_PAUSE * 1000000 : BEAT};
+        return (struct timespec){0, grace && store->listened >= GRACE_NS ? 0 : TICK_NS};
+    return (struct timespec){0, waits ? DDX_QUEUE_PAUSE_MS * 1000000 : BEAT_NS};
 }
 
 static void hear(struct store *store, const struct pollfd *list) {

@@ -13,9 +13,9 @@
 #include "terms.h"
 
 /* ns */
-#define STOPPED 100000000   /* without an answer, after which a writer seems to be stopped */
-#define PATIENCE 4000000000 /* that a reader waits at most; the reader itself gives up after five seconds */
-#define AGAIN 50000000      /* between announcements of a reader whose pins the writer could not map */
+#define STOPPED_NS 100000000   /* without an answer, after which a writer seems to be stopped */
+#define PATIENCE_NS 4000000000 /* that a reader waits at most; the reader itself gives up after five seconds */
+#define AGAIN_NS 50000000      /* between announcements of a reader whose pins the writer could not map */
 
 /* NULL: the item was never written, and the size of its frames is unknown. */
 static struct epoch *newest_epoch(const struct item *item) {
@@ -213,12 +213,12 @@ bool readers_wait(struct store *store) {
     for (struct client *c = store->clients; c; c = c->next) {
         if (c->gone || !(c->asked || c->unseen))
             continue;
-        if (c->unseen && now - c->told_at > AGAIN && c->item->writer) {
+        if (c->unseen && now - c->told_at > AGAIN_NS && c->item->writer) {
             c->told_at = now;
             notify_reader(c->item, c);
-        } else if (c->asked && now - c->asked_at > PATIENCE)
+        } else if (c->asked && now - c->asked_at > PATIENCE_NS)
             withdraw(c, -EBUSY);
-        else if (c->asked && now - c->asked_at > STOPPED && is_noticed(c))
+        else if (c->asked && now - c->asked_at > STOPPED_NS && is_noticed(c))
             admit(c);
         any = true;
     }

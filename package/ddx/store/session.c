@@ -163,7 +163,7 @@ void request_handle(struct client *client, struct ddx_packet *packet) {
 
 /* ---- Sessions ---- */
 
-#define FULL 100000000 /* ns without polling the listening socket when there is no descriptor for a connection */
+#define FULL_NS 100000000 /* without polling the listening socket when there is no descriptor for a connection */
 
 static uint32_t turn; /* of this worker */
 
@@ -175,7 +175,7 @@ static int quarter(void) {
 }
 
 /* One process gets a quarter of the descriptors at most. */
-static bool too_many(const struct process *process) {
+static bool has_too_many(const struct process *process) {
     return process->clients > (unsigned)quarter();
 }
 
@@ -209,7 +209,7 @@ struct client *client_add(struct store *store, int socket) {
 
     getsockopt(socket, SOL_SOCKET, SO_PEERCRED, &peer, &length);
     struct process *process = process_join(store, peer.pid);
-    bool has_place = process && !too_many(process) && find_place(store, &socket);
+    bool has_place = process && !has_too_many(process) && find_place(store, &socket);
     struct client *client = has_place ? allocate(process) : NULL;
     if (!client) {
         log_line("%d is refused: %s", (int)peer.pid,
@@ -251,7 +251,7 @@ void client_accept(struct store *store) {
     if (!said)
         log_line("new connections must wait: %s", strerror(errno));
     said = true;
-    full_until = ddx_time_now() + FULL;
+    full_until = ddx_time_now() + FULL_NS;
 }
 
 bool clients_must_wait(void) {
@@ -259,7 +259,7 @@ bool clients_must_wait(void) {
 }
 
 /* After a restart, new clients wait until living holders have reported; otherwise items would be missing. */
-static bool too_early(struct client *client) {
+static bool is_too_early(struct client *client) {
     uint32_t operation = 0;
 
     if (!client->store->settings->restarted || client->store->open || client->item)
@@ -354,7 +354,7 @@ void client_receive(struct client *client, unsigned most) {
     static struct ddx_packet packet;
 
     for (unsigned i = 0; i < most && !client->gone; i++) {
-        client->early = too_early(client);
+        client->early = is_too_early(client);
         if (client->early)
             return;
         int result = ddx_peek(client->socket, &packet);
