@@ -226,7 +226,7 @@ static void open_accepted(struct accepted *accepted, const struct ddx_item_info 
 }
 
 /* Then the reader is kept: publishers would not repeat messages for a new one. */
-static bool still_fits(const struct accepted *accepted) {
+static bool has_same_form(const struct accepted *accepted) {
     struct form *form;
 
     if (!accepted->reader || form_of_item(accepted->item, &form))
@@ -239,7 +239,7 @@ static bool still_fits(const struct accepted *accepted) {
 static void look_at(struct accepted *accepted, const struct ddx_item_info *info) {
     if (accepted->tried && item_is_unchanged(info, &accepted->info))
         return;
-    if (still_fits(accepted)) { /* for example after the first message, which makes this program the item's writer */
+    if (has_same_form(accepted)) { /* for example after the first message, which makes this program the item's writer */
         accepted->info = *info;
         return;
     }

@@ -6,12 +6,12 @@
 
 #include "directory.h"
 
-#define PERIOD INT64_C(1000000000)
-#define FIRST INT64_C(100000000) /* between the first few */
-#define FEW 4
-#define OFTEN 20 /* requests at short intervals to a machine that does not answer */
-#define LATEST (INT64_C(1) << 61)
-#define FAR INT64_C(100000000) /* error bound above which the time of arrival is more exact */
+#define PERIOD_NS INT64_C(1000000000)
+#define FIRST_PERIOD_NS INT64_C(100000000) /* between the first few */
+#define FEW_SAMPLES 4
+#define REQUESTS_MOST 20 /* requests at short intervals to a machine that does not answer */
+#define LATEST_NS (INT64_C(1) << 61)
+#define BOUND_MOST_NS INT64_C(100000000) /* error bound above which the time of arrival is more exact */
 
 struct clock {
     struct catalog *catalog;
@@ -66,7 +66,7 @@ static bool fill(struct machines *machines, struct network_stamps *stamps) {
     for (unsigned i = 0; i < machines->count; i++) {
         struct machine *machine = &machines->list[i];
 
-        hardly |= !machine->away && machine->offset.count < FEW && machine->asked++ < OFTEN;
+        hardly |= !machine->away && machine->offset.count < FEW_SAMPLES && machine->asked++ < REQUESTS_MOST;
         if (machine->away || !machine->stamp_received)
             continue;
         stamps->peer[stamps->count] = machine->id;
@@ -81,10 +81,10 @@ void clock_tick(struct clock *clock) {
     struct network_stamps stamps;
     int64_t now = ddx_time_now();
 
-    if (!machines->count || now - clock->sent < FIRST)
+    if (!machines->count || now - clock->sent < FIRST_PERIOD_NS)
         return;
     memset(&stamps, 0, sizeof stamps);
-    if (!fill(machines, &stamps) && now - clock->sent < PERIOD)
+    if (!fill(machines, &stamps) && now - clock->sent < PERIOD_NS)
         return;
     stamps.machine = clock->catalog->identity.id;
     clock->sent = stamps.sent = ddx_time_now();
@@ -95,7 +95,8 @@ int64_t clock_local(const struct catalog *catalog, uint64_t machine, int64_t tim
     const struct machine *from = machines_find(directory_machines(catalog->directory), machine);
     int64_t now = ddx_time_now(), apart, bound;
 
-    if (!from || !offset_get(&from->offset, now, &apart, &bound) || bound > FAR || time < 0 || time > LATEST)
+    if (!from || !offset_get(&from->offset, now, &apart, &bound) || bound > BOUND_MOST_NS || time < 0 ||
+        time > LATEST_NS)
         return 0;
     int64_t local = time - apart;
     return local > now ? now : local > 0 ? local : 0;

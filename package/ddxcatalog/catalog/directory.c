@@ -103,7 +103,7 @@ static struct remote *make(const struct network_record *record, size_t message_s
 }
 
 /* Whether the record says the same as this one. */
-static bool says(const struct network_record *record, const struct remote *old) {
+static bool is_same_record(const struct network_record *record, const struct remote *old) {
     return record->type && record->declaration && record->extents && record->topic && old->since == record->since &&
            !strcmp(old->type, record->type) && !strcmp(old->declaration, record->declaration) &&
            !strcmp(old->extents, record->extents) && !strcmp(old->topic, record->topic);
@@ -171,7 +171,7 @@ static void put(struct directory *directory, struct machine *machine, const stru
     struct remote **at = place_of(directory, record), *old = *at;
     size_t message_size;
 
-    if (old && says(record, old)) {
+    if (old && is_same_record(record, old)) {
         old->away = false;
         return;
     }

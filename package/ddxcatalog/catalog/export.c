@@ -145,7 +145,7 @@ static void add(struct exports *exports, const struct ddx_item_info *info, const
 }
 
 /* Whether the item still has the announced form. */
-static bool still_is(struct export *export, const struct ddx_item_info *info) {
+static bool has_same_form(struct export *export, const struct ddx_item_info *info) {
     if (item_is_unchanged(info, &export->info))
         return true;
     struct form *form = form_now(export->catalog, export->name);
@@ -163,7 +163,7 @@ static void look_at(struct exports *exports, const struct ddx_item_info *info, c
     if (!export)
         add(exports, info, rule);
     else
-        export->there = still_is(export, info);
+        export->there = has_same_form(export, info);
 }
 
 static void announce(const struct exports *exports, struct export *export) {

@@ -56,27 +56,27 @@ void identity_return(struct identity *identity) {
 
 /* ---- Clocks ---- */
 
-#define DRIFT 10000                  /* the clocks drift apart by less than 1 ns in 10,000 */
-#define LATEST (INT64_C(1) << 61)    /* limit of a clock's time, so that sums cannot overflow */
-#define LONGEST INT64_C(10000000000) /* ns; longest duration of an exchange */
+#define DRIFT_DIVISOR 10000             /* the clocks drift apart by less than 1 ns in 10,000 */
+#define LATEST_NS (INT64_C(1) << 61)    /* limit of a clock's time, so that sums cannot overflow */
+#define LONGEST_NS INT64_C(10000000000) /* longest duration of an exchange */
 
 static bool is_time(int64_t time) {
-    return time >= 0 && time < LATEST;
+    return time >= 0 && time < LATEST_NS;
 }
 
 bool offset_add(struct offset *offset, int64_t sent, int64_t received, int64_t answered, int64_t now) {
     if (!is_time(sent) || !is_time(received) || !is_time(answered) || !is_time(now))
         return false;
     int64_t away = now - sent, there = answered - received, trip = away - there;
-    if (there < 0 || trip < 0 || away > LONGEST)
+    if (there < 0 || trip < 0 || away > LONGEST_NS)
         return false;
     offset->sample[offset->count++ % OFFSET_SAMPLES] =
-        (struct offset_sample){(received - sent + answered - now) / 2, trip / 2 + there / DRIFT, now};
+        (struct offset_sample){(received - sent + answered - now) / 2, trip / 2 + there / DRIFT_DIVISOR, now};
     return true;
 }
 
 static int64_t bound_of(const struct offset_sample *sample, int64_t now) {
-    return sample->bound + (now - sample->at) / DRIFT;
+    return sample->bound + (now - sample->at) / DRIFT_DIVISOR;
 }
 
 bool offset_get(const struct offset *offset, int64_t now, int64_t *apart, int64_t *bound) {
@@ -102,7 +102,7 @@ struct machine *machines_find(struct machines *machines, uint64_t id) {
 }
 
 /* Whether one of the first `count` machines has the name already. */
-static bool has(const struct machines *machines, unsigned count, const char *name) {
+static bool has_name(const struct machines *machines, unsigned count, const char *name) {
     for (unsigned i = 0; i < count; i++)
         if (!machines->list[i].away && !strcmp(machines->list[i].name, name))
             return true;
@@ -114,7 +114,7 @@ void machines_renamed(struct machines *machines, const struct identity *own) {
     for (unsigned i = 0; i < machines->count; i++) {
         struct machine *machine = &machines->list[i];
 
-        if (!strcmp(machine->called, own->name) || has(machines, i, machine->called))
+        if (!strcmp(machine->called, own->name) || has_name(machines, i, machine->called))
             name_distinguish(machine->called, machine->id, machine->name);
         else
             strcpy(machine->name, machine->called);

@@ -198,7 +198,7 @@ static int start(struct sender *sender) {
 }
 
 /* Whether the item still has the source's form: a reader may come before the next look at the items. */
-static bool fits(const struct sender *sender) {
+static bool has_same_form(const struct sender *sender) {
     struct form *form;
 
     if (form_of_item(sender->item, &form))
@@ -226,7 +226,7 @@ static struct sender *sender_start(struct catalog *catalog, const struct sender_
     int error = sender->item ? 0 : errno;
     if (!error) {
         sender->layout = ddx_store_layout(sender->item);
-        error = fits(sender) ? 0 : EPROTOTYPE;
+        error = has_same_form(sender) ? 0 : EPROTOTYPE;
     }
     if (!error) {
         sender->keep = source->rule->period ? 1 : keep_of(source->form);
