@@ -30,7 +30,7 @@
  */
 
 #define CARDS 8
-#define PATIENCE 1000 /* ms; a card whose flip takes longer does not refresh at all */
+#define PATIENCE_MS 1000 /* a card whose flip takes longer does not refresh at all */
 #define DEPTH 24
 #define BITS 32
 
@@ -277,7 +277,7 @@ static void kms_read(struct kms *kms) {
 static const char *kms_wait(struct kms *kms) {
     while (kms->flipping) {
         struct pollfd entry = {.fd = kms->card, .events = POLLIN};
-        int ready = poll(&entry, 1, PATIENCE);
+        int ready = poll(&entry, 1, PATIENCE_MS);
 
         if (ready < 0 && errno == EINTR)
             continue;
@@ -304,7 +304,7 @@ static const char *kms_flip(struct kms *kms) {
 
 /* ---- The output as a surface ---- */
 
-#define LOOK (1000 * MS) /* between checks for the monitor */
+#define LOOK_NS (1000 * MS) /* between checks for the monitor */
 
 struct screen {
     struct surface surface;
@@ -324,7 +324,7 @@ static void screen_size(struct surface *surface, int *width, int *height) {
 static bool is_unplugged(struct screen *screen) {
     int64_t now = ddx_time_now();
 
-    if (now - screen->looked < LOOK)
+    if (now - screen->looked < LOOK_NS)
         return false;
     screen->looked = now;
     return !kms_connected(&screen->kms);

@@ -22,7 +22,7 @@
 #define LIBRARY "libSDL2-2.0.so.0"
 #define WIDTH 352 /* until the caller's first surface_resize() */
 #define HEIGHT 288
-#define SLICE 5 /* ms, where no descriptor to wait for is known */
+#define SLICE_MS 5 /* where no descriptor to wait for is known */
 
 struct window {
     struct surface surface;
@@ -155,8 +155,8 @@ static void wait_for_event(struct window *window, int timeout) {
 
     if (window->connection >= 0)
         poll(wanted, 2, timeout);
-    for (int waited = 0; window->connection < 0 && waited < timeout && !poll(wanted, 1, 0); waited += SLICE)
-        if (window->WaitEventTimeout(NULL, timeout < SLICE ? timeout : SLICE))
+    for (int waited = 0; window->connection < 0 && waited < timeout && !poll(wanted, 1, 0); waited += SLICE_MS)
+        if (window->WaitEventTimeout(NULL, timeout < SLICE_MS ? timeout : SLICE_MS))
             return;
 }
 
