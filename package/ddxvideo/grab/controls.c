@@ -59,7 +59,7 @@ void controls_begin(struct controls *controls, struct camera *camera) {
 }
 
 /* A bit mask takes any bits of its maximum. Other values must fit: the driver would take the nearest step. */
-static bool fits(const struct controls *controls, int i, int64_t value) {
+static bool is_allowed(const struct controls *controls, int i, int64_t value) {
     int64_t minimum = controls->list.parameter[i].minimum, maximum = controls->list.parameter[i].maximum;
 
     if (controls->kind[i] == CONTROL_BITS)
@@ -94,7 +94,7 @@ int controls_check(const struct controls *controls, const DDX_REQUEST *request, 
             snprintf(text, DDX_ANSWER_TEXT, "%s: cannot be changed now", name);
             return -EACCES;
         }
-        if (!fits(controls, i, request->change[k].value)) {
+        if (!is_allowed(controls, i, request->change[k].value)) {
             tell_range(controls, i, request->change[k].value, text);
             return -ERANGE;
         }

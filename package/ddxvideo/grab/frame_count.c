@@ -1,8 +1,8 @@
 /* SPDX-License-Identifier: GPL-2.0-or-later */
 #include "frame_count.h"
 
-#define TIME_OFF INT64_C(2000000000) /* ns */
-#define MEASURED 16                  /* frames */
+#define TIME_OFF_NS INT64_C(2000000000)
+#define MEASURED 16 /* frames */
 
 void count_restart(struct count *count) {
     count->running = count->measured = false;
@@ -43,5 +43,5 @@ int64_t count_period(struct count *count, uint64_t position, int64_t time, int64
 }
 
 int64_t count_time(int64_t said, int64_t opened, int64_t now) {
-    return said && said > opened - TIME_OFF && said < now + TIME_OFF ? said : now;
+    return said && said > opened - TIME_OFF_NS && said < now + TIME_OFF_NS ? said : now;
 }

@@ -319,7 +319,7 @@ static dc1394video_mode_t nearest(dc1394camera_t *device, const dc1394video_mode
     return best;
 }
 
-static bool offers(const dc1394video_modes_t *modes, dc1394video_mode_t mode) {
+static bool has_mode(const dc1394video_modes_t *modes, dc1394video_mode_t mode) {
     for (unsigned i = 0; i < modes->num && i < DC1394_VIDEO_MODE_NUM; i++)
         if (modes->modes[i] == mode)
             return true;
@@ -336,15 +336,16 @@ static int choose_mode(dc1394camera_t *device, const struct setup_wish *wish, dc
     }
     if (wish->mode) {
         *mode = wish->mode;
-        if (offers(&modes, *mode))
+        if (has_mode(&modes, *mode))
             return 0;
         snprintf(why, size, "has no mode %s; ddxvideo1394 -list shows those that it has", mode_name(*mode));
         return -EINVAL;
     }
-    if (!wish->width && !dc1394_video_get_mode(device, mode) && offers(&modes, *mode) && merit_of(device, *mode, wish))
+    if (!wish->width && !dc1394_video_get_mode(device, mode) && has_mode(&modes, *mode) &&
+        merit_of(device, *mode, wish))
         return 0;
     *mode = nearest(device, &modes, wish);
-    if (!*mode && offers(&modes, DC1394_VIDEO_MODE_FORMAT7_0))
+    if (!*mode && has_mode(&modes, DC1394_VIDEO_MODE_FORMAT7_0))
         *mode = DC1394_VIDEO_MODE_FORMAT7_0;
     if (*mode)
         return 0;

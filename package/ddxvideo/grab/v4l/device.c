@@ -143,7 +143,7 @@ static double greatest_rate(int fd, const struct v4l2_pix_format *pix) {
     return best;
 }
 
-static bool offers(int fd, uint32_t fourcc) {
+static bool has_format(int fd, uint32_t fourcc) {
     struct v4l2_fmtdesc entry = {.type = V4L2_BUF_TYPE_VIDEO_CAPTURE};
 
     for (; !device_ioctl(fd, VIDIOC_ENUM_FMT, &entry); entry.index++)
@@ -158,7 +158,7 @@ static bool offers(int fd, uint32_t fourcc) {
  */
 static int merit(int fd, const struct device_wish *wish, struct v4l2_format format, uint32_t fourcc) {
     format.fmt.pix.pixelformat = fourcc;
-    if (!offers(fd, fourcc) || device_ioctl(fd, VIDIOC_TRY_FMT, &format) || format.fmt.pix.pixelformat != fourcc)
+    if (!has_format(fd, fourcc) || device_ioctl(fd, VIDIOC_TRY_FMT, &format) || format.fmt.pix.pixelformat != fourcc)
         return -1;
     bool exact =
         !wish->width || ((int)format.fmt.pix.width == wish->width && (int)format.fmt.pix.height == wish->height);

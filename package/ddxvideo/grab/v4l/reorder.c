@@ -32,7 +32,7 @@ bool order_add(struct order *order, uint32_t number, unsigned slot, int64_t now)
     return true;
 }
 
-static bool goes(const struct order *order, int64_t now, int64_t wait) {
+static bool may_go(const struct order *order, int64_t now, int64_t wait) {
     uint32_t step = order->waiting[0].number - order->last;
 
     return !order->running || step < 2 || step > ORDER_FAR || order->count == ORDER_WAITING ||
@@ -56,7 +56,7 @@ static void note(struct order *order, uint32_t number) {
 }
 
 bool order_next(struct order *order, int64_t now, int64_t wait, unsigned *slot) {
-    if (!order->count || !goes(order, now, wait))
+    if (!order->count || !may_go(order, now, wait))
         return false;
     *slot = order->waiting[0].slot;
     note(order, order->waiting[0].number);
