@@ -165,7 +165,7 @@ static bool read_eye(const struct reading *reading, struct calibration_eye *eye,
     return is_rotation(eye->rotation) || fail(reading, "%s is no rotation", r);
 }
 
-static bool near(double a, double b) {
+static bool is_near(double a, double b) {
     return fabs(a - b) <= EXACT * (1 + fabs(a));
 }
 
@@ -173,7 +173,8 @@ static bool near(double a, double b) {
 static bool check_pair(const struct reading *reading, struct calibration *calibration) {
     const double *left = calibration->eye[LEFT].projection, *right = calibration->eye[RIGHT].projection;
 
-    if (!near(left[0], right[0]) || !near(left[5], right[5]) || !near(left[6], right[6]) || !near(left[3], 0))
+    if (!is_near(left[0], right[0]) || !is_near(left[5], right[5]) || !is_near(left[6], right[6]) ||
+        !is_near(left[3], 0))
         return fail(reading, "P1 and P2 do not belong together");
     if (fabs(right[7]) > fabs(right[3]))
         return fail(reading, "the cameras are one above the other; only those side by side are supported");

@@ -224,7 +224,7 @@ static int create_items(struct ranger *ranger, DDX_STORE_ID *id) {
 /* ---- Preparation, for pictures of this size ---- */
 
 /* False, after a line for the first such picture, if pictures of this size have no range. */
-static bool possible(struct ranger *ranger, const struct ddxvideo_geometry *eye) {
+static bool is_possible(struct ranger *ranger, const struct ddxvideo_geometry *eye) {
     const struct ddxvideo_geometry range = range_geometry(eye);
     const char *wrong = ddxvideo_geometry_error(&range);
     int width = eye->width, height = eye->height;
@@ -251,7 +251,7 @@ static int prepare(struct ranger *ranger, DDX_STORE_ID *id, const struct ddxvide
         ranger->refused = false;
         return 0;
     }
-    if (!possible(ranger, eye))
+    if (!is_possible(ranger, eye))
         return -EINVAL;
     ranger_close(ranger);
     ranger->settings.width = eye->width;
@@ -350,7 +350,7 @@ static void fail(struct svs *svs, const char *item, int error) {
 }
 
 /* Both eyes must have the same size; of a series of pairs that differ, the first is reported. */
-static bool fits(struct svs *svs) {
+static bool is_pair(struct svs *svs) {
     const struct source *source = &svs->source;
     const struct ddxvideo_geometry *left = &source->item[LEFT].picture.geometry;
     const struct ddxvideo_geometry *right = &source->item[RIGHT].picture.geometry;
@@ -370,7 +370,7 @@ static bool fits(struct svs *svs) {
 
 static void handle(struct svs *svs, const struct pair *pair) {
     DDX_STATS_BOOK *book = svs->source.book;
-    int error = fits(svs) ? ranger_run(&svs->ranger, svs->id, pair) : -EINVAL;
+    int error = is_pair(svs) ? ranger_run(&svs->ranger, svs->id, pair) : -EINVAL;
 
     if (!error)
         ddx_stats_out(book, pair->frames, ddx_time_now() - pair->written);

@@ -111,7 +111,7 @@ static void look_from_right(struct filter *filter, const struct kernel_winner *w
     }
 }
 
-static bool disagrees(const struct filter *filter, int x, int disparity) {
+static bool is_contradicted(const struct filter *filter, int x, int disparity) {
     int at = x - disparity;
 
     return at >= 0 && filter->seen[at] != NONE && abs(filter->seen[at] - disparity) > filter->agreement;
@@ -124,8 +124,8 @@ static void filter_row(struct filter *filter, const struct kernel_winner *winner
         int best = winner[x].disparity, found = refined(&winner[x], filter->disparities);
 
         if (!best || x < best || winner[x].rivals ||
-            (disagrees(filter, x, found / MATCHER_SUBPIXEL) &&
-             disagrees(filter, x, (found + MATCHER_SUBPIXEL - 1) / MATCHER_SUBPIXEL)))
+            (is_contradicted(filter, x, found / MATCHER_SUBPIXEL) &&
+             is_contradicted(filter, x, (found + MATCHER_SUBPIXEL - 1) / MATCHER_SUBPIXEL)))
             found = 0;
         disparity[x] = (uint16_t)found;
     }
@@ -149,7 +149,7 @@ static void join(struct filter *filter, uint32_t a, uint32_t b) {
     filter->size[low] += filter->size[high];
 }
 
-static bool alike(uint16_t a, uint16_t b) {
+static bool is_alike(uint16_t a, uint16_t b) {
     return a && b && abs(a - b) <= NEAR;
 }
 
@@ -157,7 +157,7 @@ static bool alike(uint16_t a, uint16_t b) {
 static int run_end(const uint16_t *row, int x, int width) {
     do
         x++;
-    while (x < width && alike(row[x - 1], row[x]));
+    while (x < width && is_alike(row[x - 1], row[x]));
     return x;
 }
 
@@ -171,7 +171,7 @@ static uint32_t find_runs(struct filter *filter, const uint16_t *row, const uint
         uint32_t joined = UINT32_MAX;
         for (int i = x; i < end; i++) {
             runs[i] = next;
-            if (above && runs_above[i] != joined && alike(above[i], row[i]))
+            if (above && runs_above[i] != joined && is_alike(above[i], row[i]))
                 join(filter, joined = runs_above[i], next);
         }
     }

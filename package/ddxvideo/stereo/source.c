@@ -58,11 +58,11 @@ void luma_levels(int range, uint8_t level[256]) {
 
 /* ---- Pairs ---- */
 
-#define WINDOW (20 * MS)        /* used if the frame rate is unknown */
-#define PARTNER_WAIT (200 * MS) /* plus two frame periods: a frame waits this long for the other camera */
-#define STRANGE SECOND          /* if times differ by more than this, neither frame waits */
-#define PATIENCE SECOND         /* after this time without a pair, and SEVERAL frames, a line reports it */
-#define SEVERAL 6               /* frames given up in a row: a slow machine gives up fewer */
+#define WINDOW_NS (20 * MS)   /* used if the frame rate is unknown */
+#define PARTNER_NS (200 * MS) /* plus two frame periods: a frame waits this long for the other camera */
+#define STRANGE_NS SECOND     /* if times differ by more than this, neither frame waits */
+#define PATIENCE_NS SECOND    /* after this time without a pair, and FRAMES_UNPAIRED frames, a line reports it */
+#define FRAMES_UNPAIRED 6     /* frames given up in a row: a slow machine gives up fewer */
 
 bool source_open(struct source *source, DDX_STORE_ID *id) {
     source->items = source->name[1] ? 2 : 1;
@@ -100,7 +100,7 @@ void source_close(struct source *source) {
 static void give_up(struct source *source, struct source_item *item) {
     ddx_stats_lost(source->book, LOST_PAIR, 1);
     release(item);
-    source->lonely++;
+    source->unpaired++;
 }
 
 void source_end(struct source *source) {
@@ -111,7 +111,7 @@ void source_end(struct source *source) {
 
 static void count(struct source *source, uint64_t frames, uint64_t missed, uint64_t sequence) {
     ddx_stats_in(source->book, frames, source->items == 1 ? sequence : 0);
-    ddx_stats_lost(source->book, source->lonely ? LOST_PAIR : LOST_LATE, missed);
+    ddx_stats_lost(source->book, source->unpaired ? LOST_PAIR : LOST_LATE, missed);
 }
 
 /* Called after the first read, which may have given a frame: frames count from the moment that the item was awaited. */
@@ -151,18 +151,18 @@ static int take_frame(struct source *source, struct source_item *item, double wa
 
 /* Half a frame period. */
 static int64_t window_of(const struct ddxvideo_geometry *geometry) {
-    return geometry->rate_num ? SECOND * geometry->rate_den / geometry->rate_num / 2 : WINDOW;
+    return geometry->rate_num ? SECOND * geometry->rate_den / geometry->rate_num / 2 : WINDOW_NS;
 }
 
 /* Whether the frames are a pair; if not, at least one of them is given up. */
-static bool match(struct source *source) {
+static bool match_frames(struct source *source) {
     struct source_item *left = &source->item[LEFT], *right = &source->item[RIGHT];
     int64_t apart = left->time - right->time;
     int64_t window = source->window ? source->window : window_of(&left->picture.geometry);
 
     if (llabs(apart) <= window)
         return true;
-    bool strange = llabs(apart) > STRANGE;
+    bool strange = llabs(apart) > STRANGE_NS;
     if (apart < 0 || strange)
         give_up(source, left);
     if (apart > 0 || strange)
@@ -180,7 +180,7 @@ static void tell(struct source *source, bool pair) {
     if (pair) {
         source->last_pair = now;
         source->said = false;
-    } else if (source->lonely >= SEVERAL && !source->said && now - source->last_pair > PATIENCE) {
+    } else if (source->unpaired >= FRAMES_UNPAIRED && !source->said && now - source->last_pair > PATIENCE_NS) {
         say("%s, %s: no frames of the same time, waiting for them", source->name[0], source->name[1]);
         source->said = true;
     }
@@ -193,7 +193,7 @@ static void give_up_old(struct source *source) {
     for (int i = 0; i < 2; i++) {
         struct source_item *item = &source->item[i];
 
-        if (item->held && now - item->frame.time > PARTNER_WAIT + 4 * window_of(&item->picture.geometry))
+        if (item->held && now - item->frame.time > PARTNER_NS + 4 * window_of(&item->picture.geometry))
             give_up(source, item);
     }
 }
@@ -221,7 +221,7 @@ static int take_two(struct source *source, double wait, const char **at) {
         return error;
     if (error)
         give_up_old(source);
-    else if (!match(source))
+    else if (!match_frames(source))
         error = -EAGAIN;
     tell(source, !error);
     return error;
@@ -249,7 +249,7 @@ int source_take(struct source *source, double wait, struct pair *pair, const cha
 
     if (error)
         return error;
-    source->lonely = 0;
+    source->unpaired = 0;
     describe(source, pair);
     return 0;
 }

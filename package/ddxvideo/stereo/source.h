@@ -46,7 +46,7 @@ struct source {
     /* Private, 0 at first: */
     struct source_item item[2];
     int items;
-    unsigned lonely;   /* frames without a partner that were given up since the last pair */
+    unsigned unpaired; /* frames without a partner that were given up since the last pair */
     bool said;         /* the lack of pairs was reported */
     int64_t last_pair; /* time of the last pair, or of the start */
 };
