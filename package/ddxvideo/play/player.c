@@ -49,7 +49,7 @@ static int still_take(struct still *still, const struct ddxvideo_picture *pictur
 
 /* ---- Monitor ---- */
 
-#define AGAIN INT64_C(500000000) /* ns */
+#define AGAIN_NS INT64_C(500000000)
 
 static void complain(struct monitor *monitor, const char *reason) {
     if (strcmp(monitor->said, reason) != 0)
@@ -58,13 +58,13 @@ static void complain(struct monitor *monitor, const char *reason) {
 }
 
 /* Whether a screen is open; tries to open one, at most twice a second. */
-static bool monitor_ready(struct monitor *monitor) {
+static bool has_screen(struct monitor *monitor) {
     int64_t now = ddx_time_now();
     const char *error;
 
     if (monitor->surface)
         return true;
-    if (monitor->tried && now - monitor->tried < AGAIN)
+    if (monitor->tried && now - monitor->tried < AGAIN_NS)
         return false;
     monitor->tried = now;
     monitor->surface = screen_open(&monitor->choice, &error);
@@ -148,9 +148,9 @@ static void caption_draw(const struct caption *caption, const struct canvas *can
 
 /* ---- Player ---- */
 
-#define WAIT 0.1         /* s, of a wait for the next frame; also between checks for a stop */
-#define PATIENCE SECOND  /* frames are missing after this time, or after three periods */
-#define RATE_SPAN SECOND /* the rate is counted over this time */
+#define WAIT 0.1            /* s, of a wait for the next frame; also between checks for a stop */
+#define PATIENCE_NS SECOND  /* frames are missing after this time, or after three periods */
+#define RATE_SPAN_NS SECOND /* the rate is counted over this time */
 #define BACKGROUND 0x000000
 
 enum { LOST_SCREEN, LOST_BAD };
@@ -165,14 +165,14 @@ static const char *const absent[] = {[WATCH_NO_STORE] = "no store",
                                      [WATCH_WRITTEN] = "no frame"};
 
 static int64_t patience_of(const struct player *player) {
-    return player->rate > 0 && player->rate < 3 ? (int64_t)(3 * (double)SECOND / player->rate) : PATIENCE;
+    return player->rate > 0 && player->rate < 3 ? (int64_t)(3 * (double)SECOND / player->rate) : PATIENCE_NS;
 }
 
 /* While frames come, only the store can be missing: frames do not need it. Its report on the writer may be older. */
 static void find_missing(const struct player *player, struct caption_facts *facts, int64_t now) {
     enum watch_state state = facts->writer.state;
     int64_t silence = now - player->written;
-    bool is_late = silence > patience_of(player), waits = silence > PATIENCE / 4;
+    bool is_late = silence > patience_of(player), waits = silence > PATIENCE_NS / 4;
 
     if (player->trouble)
         facts->missing = player->trouble;
@@ -243,7 +243,7 @@ static void draw_still(struct player *player) {
 static void count_rate(struct player *player) {
     int64_t span = player->written - player->counted;
 
-    if (player->first && player->sequence > player->first && span < RATE_SPAN)
+    if (player->first && player->sequence > player->first && span < RATE_SPAN_NS)
         return;
     player->rate = player->first && player->sequence > player->first
                        ? (double)(player->sequence - player->first) * (double)SECOND / (double)span
@@ -392,7 +392,7 @@ static bool wait_for_frame(struct player *player) {
 static void step(struct player *player) {
     bool dark = !player->monitor.surface;
 
-    if (!monitor_ready(&player->monitor)) {
+    if (!has_screen(&player->monitor)) {
         program_sleep_until(ddx_time_now() + (int64_t)(WAIT * (double)SECOND), player->book);
         return;
     }

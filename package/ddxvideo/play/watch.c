@@ -9,7 +9,7 @@
 #include "ddx_time.h"
 #include "program.h"
 
-#define PAUSE INT64_C(400000000) /* ns between two checks */
+#define PAUSE_NS INT64_C(400000000) /* between two checks */
 
 static const struct ddx_item_info *find_info(const struct ddx_item_info *items, unsigned count, const char *name) {
     for (unsigned i = 0; i < count; i++)
@@ -71,7 +71,7 @@ static struct watch_view ask(struct watch *watch) {
 
 /* False: a stop is requested. */
 static bool pause_then(struct watch *watch, struct watch_view view) {
-    int64_t until = ddx_time_now() + PAUSE;
+    int64_t until = ddx_time_now() + PAUSE_NS;
     struct timespec deadline = {.tv_sec = (time_t)(until / SECOND), .tv_nsec = (long)(until % SECOND)};
 
     pthread_mutex_lock(&watch->lock);
