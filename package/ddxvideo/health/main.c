@@ -81,7 +81,7 @@ static void hw_watchdog_feed(const struct hw_watchdog *watchdog) {
  */
 
 #define SUFFIX ".stats"
-#define LOOK_MAX INT64_C(2000000000) /* ns that count at most between two checks */
+#define LOOK_MAX_NS INT64_C(2000000000) /* that count at most between two checks */
 
 /* The service of this name, or NULL. */
 static struct watched *liveness_find(const struct liveness *liveness, const char *name) {
@@ -226,7 +226,7 @@ static void liveness_look(struct liveness *liveness, const char *folder, const c
     }
     liveness->refused = 0;
     for (unsigned i = 0; i < liveness->count; i++)
-        liveness->service[i].silent += passed < LOOK_MAX ? passed : LOOK_MAX;
+        liveness->service[i].silent += passed < LOOK_MAX_NS ? passed : LOOK_MAX_NS;
     for (unsigned i = 0; i < count; i++)
         note_sign(liveness, &items[i]);
     report_first_frame(id, items, count, pipe);
@@ -261,7 +261,7 @@ static int liveness_kill(struct watched *service, const char *folder) {
 
 #define UNANSWERED 4 /* s of waiting for the store; a request gives up after five */
 #define RECORDER "ddxvideosave"
-#define AGAIN (5 * SECOND) /* until a kill without effect is repeated */
+#define AGAIN_NS (5 * SECOND) /* until a kill without effect is repeated */
 
 static const char *folder = "/run/service", *device = "/dev/watchdog", *late = "/run/late";
 static long silence = 6, timeout = 30;
@@ -274,7 +274,7 @@ static void kill_silent(struct liveness *liveness) {
     for (unsigned i = 0; i < liveness->count; i++) {
         struct watched *service = &liveness->service[i];
 
-        if (!liveness_is_silent(liveness, service, limit_of(service) + service->kills * AGAIN))
+        if (!liveness_is_silent(liveness, service, limit_of(service) + service->kills * AGAIN_NS))
             continue;
         int error = liveness_kill(service, folder);
         if (error)
