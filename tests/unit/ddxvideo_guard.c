@@ -51,7 +51,7 @@ static void test_without_key(void) {
         CHECK(pass(&guard, NULL, 1, i));
     }
     check_line(&guard, 100, "nothing is shown of SSRC cafebabe: it is encrypted; give its key: -key FILE");
-    check_line(&guard, 100 + 2 * GUARD_QUIET, "");
+    check_line(&guard, 100 + 2 * GUARD_QUIET_NS, "");
     CHECK_EQUAL(guard.count[GUARD_REFUSED], GUARD_DOUBT);
     CHECK_EQUAL(guard.count[GUARD_REPEATED], 0);
     secure_close(secure);
@@ -108,14 +108,14 @@ static void test_with_key(void) {
         CHECK(!pass(&guard, NULL, 2, i));
     }
     check_line(&guard, 0, "SSRC 00000001: it is encrypted with another key than that of -key stream.key");
-    check_line(&guard, GUARD_QUIET - 1, "");
-    check_line(&guard, GUARD_QUIET, "SSRC 00000002: it is not encrypted, unlike -key stream.key");
-    check_line(&guard, 3 * GUARD_QUIET, "");
+    check_line(&guard, GUARD_QUIET_NS - 1, "");
+    check_line(&guard, GUARD_QUIET_NS, "SSRC 00000002: it is not encrypted, unlike -key stream.key");
+    check_line(&guard, 3 * GUARD_QUIET_NS, "");
     CHECK_EQUAL(guard.count[GUARD_REFUSED], 3 * GUARD_DOUBT);
     for (uint32_t ssrc = 10; ssrc < 1000; ssrc++) /* a flood; single packets are not reported */
         CHECK(!pass(&guard, NULL, ssrc, 0));
     CHECK(pass(&guard, sender, SSRC, GUARD_DOUBT));
-    check_line(&guard, 5 * GUARD_QUIET, "");
+    check_line(&guard, 5 * GUARD_QUIET_NS, "");
     secure_close(guard.secure);
     secure_close(other);
     secure_close(sender);

@@ -117,7 +117,7 @@ static int64_t refused(int64_t until) {
     struct stream_tx copy = tx; /* asking changes nothing that counts */
     uint32_t first;
 
-    if (!copy.feedback.reporter[0].used || !deficit->wanted || now - deficit->heard >= FEEDBACK_GONE ||
+    if (!copy.feedback.reporter[0].used || !deficit->wanted || now - deficit->heard >= FEEDBACK_GONE_NS ||
         feedback_wanted(&copy.feedback, now, &first) ||
         budget_tokens(&copy.budget, now) < budget_size(&copy.budget) / 2)
         return 0;
@@ -241,7 +241,7 @@ static void lie(enum lie lie) {
         report.base = (uint16_t)(report.highest + 1);
     }
     if (back)
-        report.age = (now - history_sent(sent, history_find(sent, highest)) - 2 * MS) / REPORT_TICK * REPORT_TICK;
+        report.age = (now - history_sent(sent, history_find(sent, highest)) - 2 * MS) / REPORT_TICK_NS * REPORT_TICK_NS;
     stream_tx_report(&tx, now, data, report_write(data, &report), 666);
 }
 

@@ -57,7 +57,7 @@ static void check_same(const struct report *sent) {
 }
 
 static void check_ages(void) {
-    static const int64_t ages[][2] = {{-MS, 0}, {249999, 0}, {250000, 250000}, {INT64_MAX, REPORT_OLDEST}};
+    static const int64_t ages[][2] = {{-MS, 0}, {249999, 0}, {250000, 250000}, {INT64_MAX, REPORT_OLDEST_NS}};
     uint8_t data[REPORT_MAX];
 
     for (size_t index = 0; index < sizeof ages / sizeof *ages; index++) {

@@ -58,8 +58,8 @@ static void check_nothing_missing(void) {
     CHECK_EQUAL(report.missing, 0);
     CHECK_EQUAL(report.age, 0);
     CHECK(!report.has_repair);
-    report = next(came + REPORTER_REPEAT);
-    CHECK_EQUAL(report.age, REPORTER_REPEAT);
+    report = next(came + REPORTER_REPEAT_NS);
+    CHECK_EQUAL(report.age, REPORTER_REPEAT_NS);
     /* the next frame does not come: reports until the sender counts as silent */
     int64_t due = came + INTERVAL + 4 * MS;
     unsigned reports = 0;
@@ -67,7 +67,7 @@ static void check_nothing_missing(void) {
         report = next(reports ? reporter_deadline(&reporter, &restore) : due);
         CHECK_EQUAL(report.highest, 65535);
     }
-    CHECK(now <= came + REPORTER_QUIET + 20 * MS && now > came + REPORTER_QUIET - 50 * MS);
+    CHECK(now <= came + REPORTER_QUIET_NS + 20 * MS && now > came + REPORTER_QUIET_NS - 50 * MS);
     CHECK(reports > 20);
 }
 
@@ -84,7 +84,7 @@ static void check_missing(void) {
     CHECK_EQUAL(report.loss, 255 / 3);
     reporter.refresh = true;
     for (int i = 1; i < 5; i++)
-        CHECK(next(came + i * REPORTER_REPEAT).refresh);
+        CHECK(next(came + i * REPORTER_REPEAT_NS).refresh);
     reporter_repair(&reporter, now, 500);
     report = next(now);
     CHECK(report.has_repair);
@@ -99,10 +99,10 @@ static void check_open_frame(void) {
     int64_t came = now;
     next(came);
     for (int i = 1; i < 4; i++)
-        CHECK_EQUAL(next(came + i * REPORTER_REPEAT).age, i * REPORTER_REPEAT);
+        CHECK_EQUAL(next(came + i * REPORTER_REPEAT_NS).age, i * REPORTER_REPEAT_NS);
     media(11, 0, true);
     next(now);
-    next(now + REPORTER_REPEAT);
+    next(now + REPORTER_REPEAT_NS);
     CHECK(reporter_deadline(&reporter, &restore) >= came + INTERVAL);
 }
 

@@ -280,7 +280,7 @@ static void test_sources(void) {
     }
     CHECK_EQUAL(rx.ssrc, SSRC);
     CHECK_EQUAL(count_of(&rx, STREAM_RX_FOREIGN), 100);
-    now += STREAM_RX_SILENCE; /* the first one is silent */
+    now += STREAM_RX_SILENCE_NS; /* the first one is silent */
     CHECK_EQUAL(send(&rx, &three, 0), 0);
     now += MS;
     CHECK_EQUAL(send(&rx, &three, 1), 2); /* with its first frame */
@@ -321,10 +321,10 @@ static void test_quick_restart(void) {
     CHECK_EQUAL(count_of(&rx, STREAM_RX_LOST), 0);
     CHECK_EQUAL(count_of(&rx, STREAM_RX_FOREIGN), 7);
     /* A source that appeared and died does not block the next one. */
-    now += STREAM_RX_SILENCE / 2;
+    now += STREAM_RX_SILENCE_NS / 2;
     found = send(&rx, &stray, 1);
     found += send(&rx, &stray, 2);
-    now += 2 * STREAM_RX_SILENCE;
+    now += 2 * STREAM_RX_SILENCE_NS;
     for (uint32_t i = 0; i < 3; i++)
         found += send(&rx, &one, i);
     CHECK_EQUAL(found, 3);
@@ -553,8 +553,8 @@ static void test_give_up(void) {
     send_frame(pair, 1, 1);
     int64_t since = now;
     send_frame(pair, 1, 0);
-    CHECK_EQUAL(stream_rx_deadline(&pair->rx), since + STREAM_RX_REPAIR);
-    now = since + STREAM_RX_REPAIR;
+    CHECK_EQUAL(stream_rx_deadline(&pair->rx), since + STREAM_RX_REPAIR_NS);
+    now = since + STREAM_RX_REPAIR_NS;
     take(pair);
     CHECK_EQUAL(pair->came, 2);
     CHECK_EQUAL(stream_rx_deadline(&pair->rx), INT64_MAX);

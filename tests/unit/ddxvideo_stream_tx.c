@@ -315,7 +315,7 @@ static void check_reports_that_do_not_count(void) {
     run(INTERVAL, 2, 0);
     report_as(1, 1, 65535, 0, 0, 41 * MS, FEEDBACK_GARBAGE); /* received before it was sent */
     report_as(1, 1, 200, 201, 0, 0, FEEDBACK_STALE);         /* never sent */
-    report_as(1, 1, 65535, 0, 0, REPORT_OLDEST, FEEDBACK_STALE);
+    report_as(1, 1, 65535, 0, 0, REPORT_OLDEST_NS, FEEDBACK_STALE);
     report_as(1, 1, 65535, 0, 0, 20 * MS, FEEDBACK_USED);
     report_as(1, 1, 65535, 65535, 1, 10 * MS, FEEDBACK_STALE); /* older than the one before */
     expect(0, 0);
@@ -336,7 +336,7 @@ static void check_reporters(void) {
         report_as(100, 2, 65534, 65535, 0, 0, FEEDBACK_USED);
     report_as(100, 2, 65534, 65535, 0, 0, FEEDBACK_USED);
     report_as(100, 2, 65534, 65535, 0, 0, FEEDBACK_FLOOD);
-    now += FEEDBACK_GONE;
+    now += FEEDBACK_GONE_NS;
     report_as(101, 2, 65534, 65535, 0, 0, FEEDBACK_USED); /* the others have left */
 }
 
@@ -345,7 +345,7 @@ static void check_calm_reporters(void) {
     begin(1000000);
     write_frame(1, 500);
     run(INTERVAL, 1, 0);
-    for (int64_t until = now + FEEDBACK_CALM; now < until;) {
+    for (int64_t until = now + FEEDBACK_CALM_NS; now < until;) {
         write_frame(1, 500);
         now += INTERVAL;
         expect(1, 0);
@@ -422,7 +422,7 @@ static void check_loss_memory(void) {
     pass_frames(500, true);
     loss = 8;
     pass_frames(1, true);
-    now += FEEDBACK_GONE;
+    now += FEEDBACK_GONE_NS;
     uint64_t before = tx.count[STREAM_TX_REPAIRS];
     pass_frames(40, false);
     uint64_t repairs = tx.count[STREAM_TX_REPAIRS] - before;

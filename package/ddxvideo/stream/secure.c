@@ -178,7 +178,7 @@ static int error_of(srtp_err_status_t status, int other) {
 }
 
 /* Called once in a process: libsrtp2 refuses a second call. */
-static bool started(void) {
+static bool has_started(void) {
     static bool done;
 
     done = done || !srtp_init();
@@ -188,7 +188,7 @@ static bool started(void) {
 struct secure *secure_open(const char *path, char *error) {
     struct secure *secure = calloc(1, sizeof *secure);
 
-    if (!secure || !started()) {
+    if (!secure || !has_started()) {
         snprintf(error, KEY_FILE_ERROR_MAX, "%.200s: cannot start encryption: out of memory, or libsrtp2 failed", path);
     } else if (key_file_read(path, secure->key, error)) {
         return secure;

@@ -184,7 +184,7 @@ int deficit_report(struct deficit *deficit, const struct history *media, const s
         return -EBADMSG;
     correct_report(report, media, repairs);
     uint32_t highest = history_find(media, report->highest), repair = history_find(repairs, report->highest_repair);
-    if (!history_has(media, highest) || report->age >= REPORT_OLDEST)
+    if (!history_has(media, highest) || report->age >= REPORT_OLDEST_NS)
         return -ESTALE;
     int64_t arrival = newest_arrival(media, repairs, highest, report->has_repair, repair);
     int64_t trip = now - arrival - report->age;

@@ -6,7 +6,7 @@
 
 #include "tuning.h"
 
-#define LOSS_MEMORY_NS 10e9  /* ns */
+#define LOSS_MEMORY_NS 10e9
 #define REPORTS_A_SECOND 200 /* read from a reporter in a second */
 #define CLAIMS_DEPTH_NS (4 * SECOND)
 #define CLAIMS_SHARE_ALL 0.65 /* parts of the rate: what the smallest frames and their headers leave */
@@ -29,17 +29,17 @@ void feedback_init(struct feedback *feedback, uint32_t media, int64_t rate, int6
 }
 
 static bool is_active(const struct feedback_reporter *reporter, int64_t now) {
-    return reporter->used && now - reporter->deficit.heard < FEEDBACK_GONE;
+    return reporter->used && now - reporter->deficit.heard < FEEDBACK_GONE_NS;
 }
 
 /* Whether it had losses shortly before its last report. */
 static bool is_lossy(const struct feedback_reporter *reporter) {
-    return reporter->used && reporter->deficit.heard - reporter->lossy < FEEDBACK_CALM;
+    return reporter->used && reporter->deficit.heard - reporter->lossy < FEEDBACK_CALM_NS;
 }
 
 /* Whether it fell silent while it had losses, and may still need repair. */
 static bool is_missed(const struct feedback_reporter *reporter, int64_t now) {
-    return is_lossy(reporter) && !is_active(reporter, now) && now - reporter->deficit.heard < FEEDBACK_KEPT;
+    return is_lossy(reporter) && !is_active(reporter, now) && now - reporter->deficit.heard < FEEDBACK_KEPT_NS;
 }
 
 int64_t feedback_silence(const struct feedback *feedback, int64_t now) {
@@ -84,7 +84,7 @@ static unsigned count_sharing(const struct feedback *feedback, uint64_t address)
 }
 
 static bool is_calm(const struct feedback_reporter *reporter, int64_t now) {
-    return now - reporter->begun >= FEEDBACK_CALM && now - reporter->lossy >= FEEDBACK_CALM;
+    return now - reporter->begun >= FEEDBACK_CALM_NS && now - reporter->lossy >= FEEDBACK_CALM_NS;
 }
 
 /* A place for a new reporter: a free one; else, if its address has none, that of a reporter that shares an address;
@@ -124,7 +124,7 @@ static struct feedback_reporter *find_reporter(struct feedback *feedback, uint32
 static void begin_reporter(struct feedback *feedback, struct feedback_reporter *reporter, const struct report *report,
                            uint64_t address, int64_t now) {
     *reporter = (struct feedback_reporter){
-        .used = true, .ssrc = report->reporter, .address = address, .begun = now, .lossy = now - FEEDBACK_CALM};
+        .used = true, .ssrc = report->reporter, .address = address, .begun = now, .lossy = now - FEEDBACK_CALM_NS};
     budget_init(&reporter->reports, 8 * REPORTS_A_SECOND, SECOND / 2, 1, now);
     init_claims(&reporter->claims, feedback->rate, CLAIMS_SHARE_EACH, now);
     init_claims(&reporter->hopeless, feedback->rate, CLAIMS_SHARE_HOPELESS, now);

@@ -5,11 +5,10 @@
  *
  * Reports are not trusted. They change the use of the budget, never its size. At most FEEDBACK_REPORTERS reporters are
  * kept; a reporter with an address of its own takes the place of one that shares an address with others, so that a
- * single host cannot fill the table, and one that lacks packets the place of one that lost nothing for FEEDBACK_CALM.
- * Reporters without losses do not stop repair in advance for receivers that were lossy when they fell silent. Each
- * reporter, and all together, have a bucket for the repair packets that they
- * cause, of half the rate for each one: a receiver that loses almost everything, or claims to, leaves enough for the
- * pictures and for the others.
+ * single host cannot fill the table, and one that lacks packets the place of one that lost nothing for
+ * FEEDBACK_CALM_NS. Reporters without losses do not stop repair in advance for receivers that were lossy when they fell
+ * silent. Each reporter, and all together, have a bucket for the repair packets that they cause, of half the rate for
+ * each one: a receiver that loses almost everything, or claims to, leaves enough for the pictures and for the others.
  */
 #ifndef DDXVIDEO_FEEDBACK_H
 #define DDXVIDEO_FEEDBACK_H
@@ -18,10 +17,10 @@
 #include "deficit.h"
 
 #define FEEDBACK_REPORTERS 8
-#define FEEDBACK_GONE INT64_C(1000000000)  /* ns without a report after which a reporter is forgotten */
-#define FEEDBACK_CALM INT64_C(10000000000) /* ns without a loss after which a reporter counts as free of losses */
-#define FEEDBACK_KEPT INT64_C(60000000000) /* ns for which a lossy reporter that fell silent is remembered */
-#define FEEDBACK_HOPELESS 0.75             /* loss above which a reporter gets less */
+#define FEEDBACK_GONE_NS INT64_C(1000000000)  /* without a report after which a reporter is forgotten */
+#define FEEDBACK_CALM_NS INT64_C(10000000000) /* without a loss after which a reporter counts as free of losses */
+#define FEEDBACK_KEPT_NS INT64_C(60000000000) /* for which a lossy reporter that fell silent is remembered */
+#define FEEDBACK_HOPELESS 0.75                /* loss above which a reporter gets less */
 
 /* RECEIVED is the sum of the others. */
 enum feedback_count {
@@ -37,7 +36,7 @@ struct feedback_reporter {
     bool used;
     uint32_t ssrc;
     uint64_t address;     /* a hash */
-    int64_t begun, lossy; /* time of the first report; of the last one with a loss, `begun` - FEEDBACK_CALM: none */
+    int64_t begun, lossy; /* time of the first report; of the last one with a loss, `begun` - FEEDBACK_CALM_NS: none */
     struct deficit deficit;
     struct budget reports;  /* a token for each report to read */
     struct budget claims;   /* bytes of repair packets that it may cause */

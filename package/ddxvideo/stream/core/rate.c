@@ -42,7 +42,7 @@ void link_rate_follow(struct link_rate *link, struct budget *budget, const struc
 }
 
 /* Whether packets stay away. That can be forged, so it counts until the rate must have followed, and not for ever. */
-static bool stay_away(struct link_rate *link, const struct deficit *nearest, int64_t now) {
+static bool is_held(struct link_rate *link, const struct deficit *nearest, int64_t now) {
     if (!nearest->held)
         return false;
     if (now - link->held_last > tuning.link_held_apart)
@@ -54,7 +54,7 @@ static bool stay_away(struct link_rate *link, const struct deficit *nearest, int
 bool link_rate_is_full(struct link_rate *link, const struct deficit *nearest, const struct history *sent, int64_t now) {
     int64_t more = nearest && nearest->loss > tuning.margin_loss ? tuning.link_full_more : 0;
     bool full = nearest &&
-                (stay_away(link, nearest, now) || nearest->queue > tuning.link_full + more ||
+                (is_held(link, nearest, now) || nearest->queue > tuning.link_full + more ||
                  (nearest->delay > tuning.link_full_now + more && history_sent(sent, sent->newest) > nearest->arrival));
 
     link->was_full |= full;

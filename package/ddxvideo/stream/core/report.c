@@ -24,7 +24,7 @@ static uint8_t *put_header(uint8_t *to, uint8_t format, size_t size, const struc
 }
 
 static uint16_t ticks_of(int64_t age) {
-    return age < 0 ? 0 : age >= REPORT_OLDEST ? UINT16_MAX : (uint16_t)(age / REPORT_TICK);
+    return age < 0 ? 0 : age >= REPORT_OLDEST_NS ? UINT16_MAX : (uint16_t)(age / REPORT_TICK_NS);
 }
 
 static uint8_t *put_state(uint8_t *to, const struct report *report) {
@@ -68,7 +68,7 @@ static int parse_state(const uint8_t *data, size_t size, struct report *report) 
     report->loss = data[22];
     report->has_repair = data[23] & HAS_REPAIR;
     report->highest_repair = get16(data + 24);
-    report->age = get16(data + 26) * REPORT_TICK;
+    report->age = get16(data + 26) * REPORT_TICK_NS;
     return is_possible(report) ? 0 : -EBADMSG;
 }
 

@@ -30,12 +30,12 @@
 #include <stddef.h>
 #include <stdint.h>
 
-#define REPORT_WINDOW 256                   /* packets: base is never further back than this */
-#define REPORT_AHEAD 128                    /* packets; highest may be further ahead than any sent packet by this */
-#define REPORT_SIZE 32                      /* bytes of a report */
-#define REPORT_MAX (REPORT_SIZE + 12)       /* bytes of what report_write() writes */
-#define REPORT_TICK INT64_C(250000)         /* ns, unit of the age */
-#define REPORT_OLDEST (65535 * REPORT_TICK) /* ns; this age means at least this */
+#define REPORT_WINDOW 256              /* packets: base is never further back than this */
+#define REPORT_AHEAD 128               /* packets; highest may be further ahead than any sent packet by this */
+#define REPORT_SIZE 32                 /* bytes of a report */
+#define REPORT_MAX (REPORT_SIZE + 12)  /* bytes of what report_write() writes */
+#define REPORT_TICK_NS INT64_C(250000) /* unit of the age */
+#define REPORT_OLDEST_NS (65535 * REPORT_TICK_NS) /* this age means at least this */
 
 struct report {
     uint32_t reporter, media; /* SSRCs */

@@ -118,7 +118,7 @@ unsigned reporter_loss(const struct reporter *reporter) {
 
 int64_t reporter_deadline(const struct reporter *reporter, const struct restore *restore) {
     int64_t due = reporter->offset + reporter->stamp + reporter->interval + JITTER_NS, time;
-    int64_t repeat = reporter->reported + REPORTER_REPEAT;
+    int64_t repeat = reporter->reported + REPORTER_REPEAT_NS;
     size_t bytes = reporter->header + (reporter->refresh ? REPORT_MAX : REPORT_SIZE);
     uint16_t base, highest;
     unsigned missing;
@@ -137,7 +137,7 @@ int64_t reporter_deadline(const struct reporter *reporter, const struct restore 
     } else {
         bytes *= 1 + REPORTS_KEPT;
     }
-    if (!reporter->fresh && time > reporter->arrived + REPORTER_QUIET)
+    if (!reporter->fresh && time > reporter->arrived + REPORTER_QUIET_NS)
         return INT64_MAX;
     int64_t ready = budget_ready(&reporter->budget, bytes);
     return ready > time ? ready : time;

@@ -4,11 +4,11 @@
  * (CLOCK_MONOTONIC, ns).
  *
  * - After packets came; once for all that come together.
- * - Again after REPORTER_REPEAT, if enough reports are left: otherwise a lost report looks like a lost frame.
- * - Every REPORTER_REPEAT while something is missing, or while a packet is due and has not come: the rest of a frame
+ * - Again after REPORTER_REPEAT_NS, if enough reports are left: otherwise a lost report looks like a lost frame.
+ * - Every REPORTER_REPEAT_NS while something is missing, or while a packet is due and has not come: the rest of a frame
  *   whose last packet (marker) is not there, or the next frame, whose time follows from RTP time stamps. So the loss
  *   of the last packet is reported without waiting for the packet after it.
- * - Nothing when no packet came for REPORTER_QUIET: the sender is gone.
+ * - Nothing when no packet came for REPORTER_QUIET_NS: the sender is gone.
  *
  * One report is kept for the next arrival: after an outage it is reported at once.
  *
@@ -22,9 +22,9 @@
 #include "report.h"
 #include "restore.h"
 
-#define REPORTER_REPEAT INT64_C(5000000)
-#define REPORTER_QUIET INT64_C(500000000) /* ns */
-#define REPORTER_SLOTS 4                  /* of 0.5 s, in which losses are counted */
+#define REPORTER_REPEAT_NS INT64_C(5000000)
+#define REPORTER_QUIET_NS INT64_C(500000000)
+#define REPORTER_SLOTS 4 /* of 0.5 s, in which losses are counted */
 
 /* One of the two received streams: media and repair. */
 struct reporter_stream {

@@ -216,7 +216,7 @@ static void hear_other(struct stream_rx *rx, const struct rtp_packet *packet, co
 
     rx->count[STREAM_RX_FOREIGN]++;
     if (!known) {
-        if (rx->queued && rx->in_sequence && now - rx->other_heard < STREAM_RX_SILENCE)
+        if (rx->queued && rx->in_sequence && now - rx->other_heard < STREAM_RX_SILENCE_NS)
             return; /* a stray packet does not replace a source that still sends */
         rx->queued = 0;
         rx->in_sequence = false;
@@ -227,7 +227,7 @@ static void hear_other(struct stream_rx *rx, const struct rtp_packet *packet, co
     rx->other_heard = now;
     if (rx->queued < STREAM_RX_QUEUE)
         datagram_keep(&rx->queue[rx->queued++], data, size, now);
-    rx->switching = rx->in_sequence && (!rx->confirmed || now - rx->heard >= STREAM_RX_SILENCE);
+    rx->switching = rx->in_sequence && (!rx->confirmed || now - rx->heard >= STREAM_RX_SILENCE_NS);
 }
 
 static bool put_packet(struct stream_rx *rx, const struct rtp_packet *packet, const uint8_t *data, size_t size,
@@ -387,7 +387,7 @@ static bool give_up_due(struct stream_rx *rx, int64_t now) {
 
 int64_t stream_rx_deadline(const struct stream_rx *rx) {
     int64_t since = reorder_waits_since(&rx->reorder);
-    int64_t patience = is_repairing(rx) ? STREAM_RX_REPAIR : rx->settings.patience;
+    int64_t patience = is_repairing(rx) ? STREAM_RX_REPAIR_NS : rx->settings.patience;
 
     return since > INT64_MAX - patience ? INT64_MAX : since + patience;
 }

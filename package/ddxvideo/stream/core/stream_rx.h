@@ -6,10 +6,10 @@
  *
  * Packets after a missing packet wait for it. While the sender sends repair packets, they wait as long as it can be
  * restored: until it is further back than the sender's window of frames or than REORDER_PACKETS, or for
- * STREAM_RX_REPAIR. Without repair they wait for `patience`. Then the missing packet is given up, and counts as lost.
+ * STREAM_RX_REPAIR_NS. Without repair they wait for `patience`. Then the missing packet is given up: it is lost.
  *
  * The source (SSRC) heard first is followed. Another source takes its place if the first one was silent for
- * STREAM_RX_SILENCE or has sent only one packet, and the new one has sent two consecutive packets. So a restarted
+ * STREAM_RX_SILENCE_NS or has sent only one packet, and the new one has sent two consecutive packets. So a restarted
  * sender is followed from its first packet on, and a second stream on the same port never takes over.
  */
 #ifndef DDXVIDEO_STREAM_RX_H
@@ -46,9 +46,9 @@ enum reorder_result {
     REORDER_FULL  /* no place: give up a missing packet or take one out, then try again */
 };
 
-#define STREAM_RX_SILENCE INT64_C(400000000) /* ns */
-#define STREAM_RX_REPAIR INT64_C(1000000000) /* ns that a packet waits for a missing one that may be restored */
-#define STREAM_RX_QUEUE 64                   /* kept packets of a possible successor */
+#define STREAM_RX_SILENCE_NS INT64_C(400000000)
+#define STREAM_RX_REPAIR_NS INT64_C(1000000000) /* that a packet waits for a missing one that may be restored */
+#define STREAM_RX_QUEUE 64                      /* kept packets of a possible successor */
 
 /*
  * Counts of datagrams: received + restored = used + late + duplicate + foreign + garbage (+ those that still wait).

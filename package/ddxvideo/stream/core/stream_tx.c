@@ -141,7 +141,7 @@ static double ratio_in_advance(const struct stream_tx *tx, int64_t now) {
         return tx->settings.ratio;
     if (!tx->settings.repair || silence < tuning.stopped)
         return 0;
-    if (silence < FEEDBACK_GONE)
+    if (silence < FEEDBACK_GONE_NS)
         ratio *= tuning.stopped_repair;
     else if (tx->feedback.in_runs)
         ratio += tuning.advance_in_runs;
@@ -380,7 +380,7 @@ static bool leaves_out(struct stream_tx *tx, int64_t now) {
 
     int64_t silence = feedback_silence(&tx->feedback, now);
 
-    if (is_link_full(tx, now) || (silence >= tuning.silent && silence < FEEDBACK_GONE))
+    if (is_link_full(tx, now) || (silence >= tuning.silent && silence < FEEDBACK_GONE_NS))
         left = -1;
     else if (!tx->settings.repair || !tx->window.count || !deficit || !deficit->needed)
         left = INFINITY;
@@ -429,7 +429,7 @@ static bool is_thinned(struct stream_tx *tx, int64_t now, double wire) {
     double fair = fmax(tuning.rate_fair_bytes, tuning.rate_fair_share * wire) + header;
     int64_t silence = feedback_silence(&tx->feedback, now);
 
-    if (!tx->settings.repair || silence >= FEEDBACK_GONE)
+    if (!tx->settings.repair || silence >= FEEDBACK_GONE_NS)
         frame_rate_reset(&tx->frames, now);
     else if (silence < tuning.stopped)
         frame_rate_learn(&tx->frames, now, repairable_bytes(tx, now, wire, 1), fair,
@@ -453,14 +453,14 @@ size_t stream_tx_allowance(struct stream_tx *tx, int64_t now) {
     int64_t silence = feedback_silence(&tx->feedback, now);
     double frame = (double)settings->interval / (8.0 * SECOND); /* bytes of a frame at 1 bit/s */
     double wire = (double)tx->budget.rate * frame;
-    double spare = spare_bytes(tx, now, silence >= FEEDBACK_GONE);
+    double spare = spare_bytes(tx, now, silence >= FEEDBACK_GONE_NS);
 
     if (is_thinned(tx, now, wire) || is_behind(tx, now) || leaves_out(tx, now))
         return 0;
     frame_rate_sends(&tx->frames);
     double every = tx->frames.every;
     double video = settings->video ? (double)settings->video * frame : wire * STREAM_TX_VIDEO;
-    if (silence >= tuning.stopped && silence < FEEDBACK_GONE) {
+    if (silence >= tuning.stopped && silence < FEEDBACK_GONE_NS) {
         wire *= tuning.stopped_rate;
         spare = spare > 0 ? 0 : spare;
     }

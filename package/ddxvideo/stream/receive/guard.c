@@ -123,7 +123,7 @@ static void write_line(const struct guard *guard, const struct guard_source *sou
 }
 
 bool guard_says(struct guard *guard, int64_t now, char *text) {
-    if (guard->has_said && now - guard->said < GUARD_QUIET)
+    if (guard->has_said && now - guard->said < GUARD_QUIET_NS)
         return false;
     for (struct guard_source *source = guard->source; source < guard->source + GUARD_SOURCES; source++) {
         if (source->refused < GUARD_DOUBT || source->good || source->said)

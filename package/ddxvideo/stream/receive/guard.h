@@ -17,8 +17,8 @@
 #include "secure.h"
 
 #define GUARD_SOURCES 4
-#define GUARD_DOUBT 16                   /* refused packets of a source until it is reported */
-#define GUARD_QUIET INT64_C(10000000000) /* ns between two lines */
+#define GUARD_DOUBT 16                      /* refused packets of a source until it is reported */
+#define GUARD_QUIET_NS INT64_C(10000000000) /* between two lines */
 #define GUARD_TEXT_MAX 400
 
 /* Datagrams that came to the two ports = received + repair_received of struct stream_rx + these. */
@@ -63,7 +63,7 @@ bool guard_media(struct guard *guard, uint8_t *data, size_t *size);
 bool guard_repair(struct guard *guard, uint8_t *data, size_t *size);
 
 /* Write a line about a refused source to text[GUARD_TEXT_MAX]. False: there is none, or the last one was less than
- * GUARD_QUIET ago. */
+ * GUARD_QUIET_NS ago. */
 bool guard_says(struct guard *guard, int64_t now, char *text);
 
 #endif

@@ -6,7 +6,7 @@
 
 #include "ddx_time.h"
 
-#define STILL 400 /* ms; a picture that stands still for longer is worth a line */
+#define STILL_MS 400 /* a picture that stands still for longer is worth a line */
 
 static void measure(struct link *link, int64_t now) {
     int64_t passed = now - link->begin;
@@ -59,7 +59,7 @@ void link_figures(struct link *link, int64_t now, uint64_t figures[LINK_COUNTS])
 bool link_says(struct link *link, int64_t now, const uint64_t figures[LINK_COUNTS], char text[LINK_TEXT_MAX]) {
     if (!link->said)
         link->said = now;
-    if (now - link->said < LINK_SECONDS * SECOND || (!figures[LINK_LOSS] && figures[LINK_FREEZE] < STILL))
+    if (now - link->said < LINK_SECONDS * SECOND || (!figures[LINK_LOSS] && figures[LINK_FREEZE] < STILL_MS))
         return false;
     link->said = now;
     snprintf(text, LINK_TEXT_MAX,

@@ -18,7 +18,7 @@
 /* ---- The list of announced streams ---- */
 
 #define LIST_SECONDS 6 /* our senders announce each 5 s */
-#define LOOK_UP 100    /* ms; a signal may come just before a wait */
+#define LOOK_UP_MS 100 /* a signal may come just before a wait */
 #define ENTRIES 100    /* further announcements are not listed */
 #define DATAGRAM 4096
 #define BATCH 1024 /* datagrams between two checks of the time */
@@ -125,7 +125,7 @@ static int list_run(const char *interface) {
     }
     print_head();
     for (int64_t end = ddx_time_now() + LIST_SECONDS * SECOND; ddx_time_now() < end && !program_stopping();) {
-        poll(&wanted, 1, LOOK_UP);
+        poll(&wanted, 1, LOOK_UP_MS);
         read_all(&list, wanted.fd);
     }
     read_all(&list, wanted.fd); /* datagrams from before the signal */

@@ -39,7 +39,7 @@ struct ddxvideo_picture output_picture(const AVFrame *frame, AVRational rate) {
     return picture;
 }
 
-#define CREATE_AGAIN 500000000 /* ns, between attempts, since a store that hangs blocks its clients for seconds */
+#define CREATE_AGAIN_NS 500000000 /* between attempts, since a store that hangs blocks its clients for seconds */
 
 bool output_is_refused(int error) {
     return error && error != -ECONNREFUSED && error != -ENOBUFS && error != -EMFILE;
@@ -56,7 +56,7 @@ static int choose_item(struct output_item *output, DDX_STORE_ID *id, const struc
     output_close(output);
     output->geometry = *geometry;
     output->error = ddxvideo_create(id, output->name, geometry, &output->item);
-    output->create = output->error ? ddx_time_now() + CREATE_AGAIN : 0;
+    output->create = output->error ? ddx_time_now() + CREATE_AGAIN_NS : 0;
     return output->error;
 }
 

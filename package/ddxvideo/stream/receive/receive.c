@@ -49,7 +49,7 @@ static void show_counters(struct viewer *viewer) {
 }
 
 /* Whether packets came since then. */
-static bool counters_differ(const struct viewer *viewer) {
+static bool has_new_packets(const struct viewer *viewer) {
     return memcmp(viewer->packets, viewer->rx.count, sizeof viewer->rx.count) != 0 ||
            memcmp(viewer->packets + STREAM_RX_COUNTS, viewer->guard.count, sizeof viewer->guard.count) != 0;
 }
@@ -239,7 +239,7 @@ static void tell_refused(struct viewer *viewer) {
     char text[GUARD_TEXT_MAX];
     int64_t now = ddx_time_now();
 
-    if (now - viewer->counted >= IDLE_NS && counters_differ(viewer)) {
+    if (now - viewer->counted >= IDLE_NS && has_new_packets(viewer)) {
         show_counters(viewer);
         viewer->counted = now;
     }

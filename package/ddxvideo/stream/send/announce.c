@@ -93,7 +93,7 @@ void announce_tick(struct announce *announce, struct post *post, int64_t now) {
 
     if (announce->off || now < announce->due)
         return;
-    announce->due = now + ANNOUNCE_INTERVAL;
+    announce->due = now + ANNOUNCE_INTERVAL_NS;
     if (!find_way(post, &way))
         return;
     for (unsigned i = 0; i < ANNOUNCE_STREAMS; i++) {
@@ -101,7 +101,7 @@ void announce_tick(struct announce *announce, struct post *post, int64_t now) {
             all &= announce_one(&announce->stream[i], &way);
     }
     if (!all)
-        announce->due = now + ANNOUNCE_RETRY;
+        announce->due = now + ANNOUNCE_RETRY_NS;
 }
 
 void announce_end(struct announce *announce, struct post *post) {

@@ -1,9 +1,9 @@
 /* SPDX-License-Identifier: GPL-2.0-or-later */
 /*
  * The sender's announcements (SAP): each description of a stream goes to the announcements' group of the same scope as
- * the stream's group, every ANNOUNCE_INTERVAL, and is deleted at the end. Nothing waits: an announcement that the
- * stream's budget or the kernel refuses is left out, and the next one follows after ANNOUNCE_RETRY. Streams without a
- * group are not announced.
+ * the stream's group, every ANNOUNCE_INTERVAL_NS, and is deleted at the end. Nothing waits: an announcement that the
+ * stream's budget or the kernel refuses is left out, and the next one follows after ANNOUNCE_RETRY_NS. Streams
+ * without a group are not announced.
  */
 #ifndef DDXVIDEO_ANNOUNCE_H
 #define DDXVIDEO_ANNOUNCE_H
@@ -15,8 +15,8 @@
  * RFC 2974 allows 4000 bit/s for all announcements of a group, and at most one each 300 s. A player should find a robot
  * sooner; two announcements of 500 bytes each 5 s take 1600 bit/s.
  */
-#define ANNOUNCE_INTERVAL INT64_C(5000000000) /* ns */
-#define ANNOUNCE_RETRY INT64_C(500000000)     /* ns */
+#define ANNOUNCE_INTERVAL_NS INT64_C(5000000000)
+#define ANNOUNCE_RETRY_NS INT64_C(500000000)
 #define ANNOUNCE_STREAMS 2
 
 struct announce_stream {
