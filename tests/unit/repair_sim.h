@@ -5,8 +5,8 @@
 
 #include <errno.h>
 
+#include "stream_rx.h"
 #include "stream_tx.h"
-#include "reporter.h"
 
 #include "bits.h"
 
@@ -28,24 +28,21 @@
 
 static struct frame {
     int64_t written;
-    unsigned packets; /* 0: dropped before it was encoded */
-    unsigned number;  /* in the stream, which leaves out dropped ones */
-    uint16_t sequence;
+    unsigned packets;  /* 0: dropped before it was encoded */
+    unsigned number;   /* in the stream, which leaves out dropped ones */
     double level;      /* bytes of a frame, the mean of the last ones */
     unsigned renewing; /* the frame at which the newest renewal of the picture began, */
     unsigned renewed;  /* and the newest one that is complete with this frame */
+    uint8_t last;      /* byte */
 } frames[FRAMES];
 
 static struct receiver {
-    struct restore restore;
-    struct reporter reporter;
+    struct stream_rx rx;
     struct loser down, up, both;
     struct lossy from, to; /* the sender */
-    unsigned got[FRAMES];  /* packets of each frame */
     bool usable[FRAMES];
-    unsigned next;   /* the first frame that is not whole */
-    unsigned newest; /* of which a packet has arrived */
-    bool joined;     /* a packet has arrived */
+    unsigned next;   /* the first frame that has not come out */
+    bool refresh;    /* the picture is broken */
     unsigned broken; /* pictures are whole again with a renewal that began at this frame or later */
 } receivers[RECEIVERS];
 
@@ -83,21 +80,21 @@ static int64_t wire_of(const struct run *run) {
 
 /* ---- Sender ---- */
 
-static size_t make_packet(uint8_t *to, unsigned frame, size_t payload, bool first, bool last) {
-    size_t extension = first ? 28 : 8;
-    uint8_t *at = to;
+/* A NAL unit of its own, since the receiver takes encoded frames out of the packets. */
+static size_t make_packet(uint8_t *to, unsigned frame, unsigned number, size_t payload, bool first, bool last) {
+    const struct rtp_packet packet = {
+        .type = RTP_H264,
+        .marker = last,
+        .sequence = sequence++,
+        .time = frame * 3600,
+        .ssrc = SSRC,
+        .has_count = true,
+        .has_source = first,
+        .frame = {.count = (uint16_t)number, .window = REPAIR_FRAMES, .sequence = frame, .number = frame}};
+    uint8_t *at = to + rtp_write(to, &packet);
 
-    *at++ = 0x90;
-    *at++ = (uint8_t)(RTP_H264 | last << 7);
-    at = put16(at, sequence++);
-    at = put32(at, frame * 3600);
-    at = put32(at, SSRC);
-    at = put16(at, 0xBEDE);
-    at = put16(at, (uint16_t)(extension / 4 - 1));
-    memset(at, 0, extension - 4);
-    at += extension - 4;
-    put32(at, frame);
-    memset(at + 4, (int)(frame ^ payload), payload - 4);
+    *at = 0x41;
+    memset(at + 1, (int)(frame ^ payload), payload - 1);
     return (size_t)(at - to) + payload;
 }
 
@@ -126,7 +123,8 @@ static void write_frame(const struct run *run) {
     size_t size = frame_count ? (size_t)((double)allowed * (1 - run->smaller) * (0.7 + 0.6 * random_share())) : 4000;
     unsigned count = !allowed ? 0 : size <= 800 ? 1 : size <= 1160 ? 2 : (unsigned)(size + 1159) / 1160;
 
-    *frame = (struct frame){.written = now, .packets = count, .sequence = sequence};
+    *frame = (struct frame){.written = now, .packets = count};
+    frame->number = frame_count ? frame[-1].number + (count > 0) : 0;
     renewal |= wants && !whole;
     renew(frame);
     if (whole)
@@ -134,11 +132,11 @@ static void write_frame(const struct run *run) {
     for (unsigned i = 0; i < count; i++) {
         packets[i].data = data[i];
         size_t part = size * (i + 1) / count - size * i / count;
-        packets[i].size = make_packet(data[i], frame_count, part, !i, i + 1 == count);
+        packets[i].size = make_packet(data[i], frame_count, frame->number, part, !i, i + 1 == count);
+        frame->last = data[i][packets[i].size - 1];
     }
     double before = frame_count ? frame[-1].level : (double)size;
     frame->level = before + ((count ? (double)size : 0) - before) / LEVEL;
-    frame->number = frame_count ? frame[-1].number + (count > 0) : 0;
     if (count)
         stream_tx_packets(&tx, now, (uint16_t)frame->number, packets, count);
     video_bytes += frame_count < CALM ? 0 : count ? size : 0;
@@ -180,101 +178,66 @@ static void forge(const struct run *run) {
 
 /* ---- Receivers ---- */
 
-static bool is_whole(const struct receiver *receiver, unsigned frame) {
-    const struct frame *wanted = &frames[frame];
-
-    if (frame >= frame_count)
-        return false;
-    return wanted->packets ? receiver->got[frame] == wanted->packets : frame < receiver->newest;
-}
-
-/* The following pictures are broken until one is renewed. */
-static void break_off(struct receiver *receiver, unsigned next) {
-    receiver->next = receiver->broken = next;
-    receiver->reporter.refresh = true;
-}
-
-/* A frame that is 25 frames old cannot be repaired. All frames before the newest one are given up as well. */
-static void give_up(struct receiver *receiver) {
-    break_off(receiver, receiver->newest);
-    restore_give_up(&receiver->restore, frames[receiver->next].sequence);
-}
-
-/* The first packet that arrives may be of any frame; packets before it are not asked for. */
-static void join(struct receiver *receiver, unsigned frame, uint16_t number) {
-    receiver->joined = true;
-    if (frame || number != frames[0].sequence)
-        break_off(receiver, frame + (number != frames[frame].sequence));
-}
-
 static bool shows(struct receiver *receiver, unsigned frame) {
     if (frames[frame].renewing >= receiver->broken)
-        receiver->reporter.refresh = false;
-    return frames[frame].packets && frames[frame].renewed >= receiver->broken;
+        receiver->refresh = false;
+    return frames[frame].renewed >= receiver->broken;
 }
 
-static void got_packet(struct receiver *receiver, const uint8_t *data, size_t size) {
-    struct rtp_packet packet;
+/* A frame comes out after all frames before it, or after those that were given up: then pictures are broken until one
+ * is renewed. */
+static void got_frame(struct receiver *receiver, const struct assembly_frame *got) {
+    unsigned frame = receiver->next;
 
-    CHECK(rtp_parse(data, size, &packet));
-    unsigned frame = get32(packet.payload);
-    CHECK(frame < frame_count && packet.payload[packet.size - 1] == (uint8_t)(frame ^ packet.size));
-    if (!receiver->joined)
-        join(receiver, frame, packet.sequence);
-    receiver->got[frame]++;
-    if (frame > receiver->newest)
-        receiver->newest = frame;
-    for (; is_whole(receiver, receiver->next); receiver->next++)
-        receiver->usable[receiver->next] =
-            shows(receiver, receiver->next) && now - frames[receiver->next].written <= IN_TIME;
-    if (receiver->newest > receiver->next &&
-        frames[receiver->newest].number > frames[receiver->next].number + REPAIR_FRAMES)
-        give_up(receiver);
+    while (frame < frame_count && (!frames[frame].packets || (uint16_t)frames[frame].number != got->frame.count))
+        frame++;
+    CHECK(frame < frame_count && (!got->has_source || got->derived || got->frame.number == frame));
+    CHECK(got->incomplete || got->data[got->size - 1] == frames[frame].last);
+    if (got->damaged || (got->first && frame)) {
+        receiver->broken = frame + got->incomplete;
+        receiver->refresh = true;
+    }
+    receiver->next = frame + 1;
+    receiver->usable[frame] = shows(receiver, frame) && !got->incomplete && now - frames[frame].written <= IN_TIME;
 }
 
 static void got_datagram(const struct run *run, struct receiver *receiver, const struct lossy_packet *packet) {
-    const uint8_t *restored;
-    uint16_t number;
-    size_t size;
+    struct assembly_frame frame;
 
-    if (packet->port == STREAM_TX_MEDIA) {
-        reporter_media(&receiver->reporter, now, get16(packet->data + 2), get32(packet->data + 4),
-                       packet->data[1] >> 7);
-        if (!restore_source(&receiver->restore, packet->data, packet->size))
-            got_packet(receiver, packet->data, packet->size);
-    } else if (run->old && packet->size == REPAIR_HEADER) {
-        return;
-    } else if (restore_repair(&receiver->restore, packet->data, packet->size) != -EBADMSG) {
-        reporter_repair(&receiver->reporter, now, get16(packet->data + 2));
-    }
-    while (restore_take(&receiver->restore, &restored, &size, &number))
-        got_packet(receiver, restored, size);
+    if (packet->port == STREAM_TX_MEDIA)
+        stream_rx_put(&receiver->rx, packet->data, packet->size, now);
+    else if (!run->old || packet->size != REPAIR_HEADER)
+        stream_rx_put_repair(&receiver->rx, packet->data, packet->size, now);
+    while (stream_rx_take(&receiver->rx, now, &frame))
+        got_frame(receiver, &frame);
 }
 
 /* A repair packet as far ahead as a receiver accepts it, which no sender has sent. */
 static void receive_forged(struct receiver *receiver) {
     uint8_t data[REPAIR_HEADER + 600] = {0x81, REPAIR_TYPE};
-    uint16_t first = (uint16_t)(receiver->restore.came + RESTORE_AHEAD - 3);
+    uint16_t first = (uint16_t)(receiver->rx.restore.came + RESTORE_AHEAD - 3);
 
     put16(data + 2, 12345);
     put32(data + 12, SSRC);
     put16(data + 18, 0xf000 | 4);
     put32(data + 20, first);
     memset(data + REPAIR_HEADER, 0x55, sizeof data - REPAIR_HEADER);
-    CHECK_EQUAL(restore_repair(&receiver->restore, data, sizeof data), 0);
-    reporter_repair(&receiver->reporter, now, 12345);
+    CHECK(stream_rx_put_repair(&receiver->rx, data, sizeof data, now) || !receiver->rx.followed);
 }
 
 static void receive_due(const struct run *run, struct receiver *receiver) {
     const struct lossy_packet *packet;
+    struct assembly_frame frame;
     uint8_t data[REPORT_MAX];
     size_t size;
 
     while ((packet = lossy_take(&receiver->from, now)))
         got_datagram(run, receiver, packet);
-    while (!run->silent && (size = reporter_next(&receiver->reporter, now, &receiver->restore, data)))
+    while (stream_rx_take(&receiver->rx, now, &frame)) /* what has waited long enough */
+        got_frame(receiver, &frame);
+    while ((size = stream_rx_report(&receiver->rx, now, receiver->refresh, data)))
         lossy_send(&receiver->to, now, 0, data, size);
-    CHECK(run->silent || reporter_deadline(&receiver->reporter, &receiver->restore) > now);
+    CHECK(stream_rx_report_deadline(&receiver->rx) > now && stream_rx_deadline(&receiver->rx) > now);
     while ((packet = lossy_take(&receiver->to, now)))
         if (!run->hush || frame_count < run->hush)
             stream_tx_report(&tx, now, packet->data, packet->size, (uint64_t)(receiver - receivers));
@@ -306,10 +269,13 @@ static void begin(const struct run *run, uint64_t seed) {
     for (unsigned i = 0; i < run->receivers; i++) {
         struct receiver *receiver = &receivers[i];
 
-        restore_clear(&receiver->restore);
+        const struct stream_rx_settings receives = {
+            .patience = IN_TIME, .repairs = true, .reports = !run->silent, .ssrc = 100 + i};
+
+        stream_rx_free(&receiver->rx);
         memset(receiver, 0, sizeof *receiver);
-        restore_init(&receiver->restore, SSRC);
-        reporter_init(&receiver->reporter, 100 + i, SSRC, HEADER, now);
+        stream_rx_init(&receiver->rx, &receives);
+        receiver->rx.report_header = HEADER;
         receiver->down.loss = receiver->up.loss = receiver->both.loss = run->loss;
         receiver->down.change = receiver->up.change = receiver->both.change = now;
         receiver->down.random = random_seed(1000 * seed + 3 * i);
@@ -327,8 +293,8 @@ static int64_t next_event(const struct run *run) {
     for (unsigned i = 0; i < run->receivers; i++) {
         const struct receiver *receiver = &receivers[i];
         const int64_t times[] = {lossy_next(&receiver->from), lossy_next(&receiver->to),
-                                 run->silent ? INT64_MAX : reporter_deadline(&receiver->reporter, &receiver->restore)};
-        for (unsigned j = 0; j < 3; j++)
+                                 stream_rx_deadline(&receiver->rx), stream_rx_report_deadline(&receiver->rx)};
+        for (unsigned j = 0; j < 4; j++)
             time = times[j] < time ? times[j] : time;
     }
     int64_t due = stream_tx_deadline(&tx, now);
