@@ -3,8 +3,7 @@
 #include "encoder.h"
 
 #include "check.h"
-#include "h264.h"
-#include "mpeg4.h"
+#include "payload.h"
 
 #define WIDTH 352
 #define HEIGHT 288

@@ -1,6 +1,6 @@
 /* SPDX-License-Identifier: GPL-2.0-or-later */
 /* H.264 payloads by the rules of RFC 6184, from frame to packets and back, with and without loss. */
-#include "h264.h"
+#include "payload.h"
 
 #include "check.h"
 #include "rtp.h"

@@ -1,6 +1,6 @@
 /* SPDX-License-Identifier: GPL-2.0-or-later */
 /* MPEG-4 payloads by the rules of RFC 6416: each begins at a header or at a resync marker. */
-#include "mpeg4.h"
+#include "payload.h"
 
 #include "check.h"
 #include "rtp.h"

@@ -12,8 +12,7 @@
 #include <unistd.h>
 
 #include "bits.h"
-#include "h264.h"
-#include "mpeg4.h"
+#include "payload.h"
 
 /* ---- Write a description ---- */
 

@@ -3,8 +3,7 @@
 #ifndef DDXVIDEO_ASSEMBLY_H
 #define DDXVIDEO_ASSEMBLY_H
 
-#include "h264.h"
-#include "mpeg4.h"
+#include "payload.h"
 #include "rtp.h"
 
 struct assembly_frame {

@@ -22,8 +22,7 @@
 
 #include "feedback.h"
 #include "rate.h"
-#include "h264.h"
-#include "mpeg4.h"
+#include "payload.h"
 #include "repair.h"
 
 #define STREAM_TX_QUEUE REPAIR_WAITING /* media packets that wait */

@@ -3,9 +3,7 @@
 
 #include <libavutil/pixdesc.h>
 
-#include "chunk.h"
-#include "h264.h"
-#include "mpeg4.h"
+#include "payload.h"
 #include "picture_convert.h"
 
 /* ---- Pictures in 8-bit 4:2:0, for the item and the window ---- */

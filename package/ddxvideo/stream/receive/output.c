@@ -6,7 +6,7 @@
 
 #include "ddx_time.h"
 #include "ddxvideo.h"
-#include "h264.h"
+#include "payload.h"
 
 /* ---- A video item ---- */
 

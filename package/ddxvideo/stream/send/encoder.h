@@ -10,7 +10,7 @@
 #include <stdint.h>
 #include <x264.h>
 
-#include "chunk.h"
+#include "payload.h"
 #include "rtp.h"
 
 /* An encoded frame: a byte stream. The memory is the encoder's. */

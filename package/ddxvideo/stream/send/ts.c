@@ -5,7 +5,7 @@
 #include <libavformat/avformat.h>
 #include <string.h>
 
-#include "h264.h"
+#include "payload.h"
 
 #define PACKET 188           /* bytes of a packet of MPEG-TS */
 #define PAYLOAD (7 * PACKET) /* in an RTP packet: as usual, and within an Ethernet frame */
