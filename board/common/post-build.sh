@@ -46,6 +46,19 @@ for key in ${UPDATE_KEYS:-}; do
 	install -m 644 "$key" "$target/etc/ddx/update-keys/"
 done
 
+# Folders of services for S19ready; overlays and the packages of all trees are in place by now. A package's own script
+# may do more than `service` does, so it does it at the boot.
+ready=$target/usr/share/ddx/ready
+rm -rf "$ready"
+mkdir -p "$ready"
+: > "$ready/idle"
+for script in "$target"/etc/init.d/S??*; do
+	name=${script##*/S??}
+	if [ -f "$target/etc/default/$name" ] && grep -q '^[[:space:]]*\. /usr/libexec/ddx/service$' "$script"; then
+		sh "$target/usr/libexec/ddx/service" "$name" prepare "$target"
+	fi
+done
+
 # Actions of mksquashfs for the files that each boot reads: see boot-files.txt.
 sed -n 's|^/\([^ ]*\).*|pathname(\1)|p; t; s|^\([a-z][^/ ]*\).*|name(\1)|p' "$common/boot-files.txt" |
 	while read -r which; do

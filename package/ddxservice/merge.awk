@@ -1,6 +1,7 @@
 # SPDX-License-Identifier: GPL-2.0-or-later
-# Merges the settings files of `instance` of `program` for `service`; a later file overrides, key by key. Prints a line
-# each: `enabled` (`wrong`: a value was refused), `needs`, `once`, and then the lines of the file for launch.c.
+# Merges the settings files of `instance` of `program` for `service`; a later file overrides, key by key. The first one,
+# `defaults`, is the image's. Prints a line each: `enabled` (`wrong`: a value was refused), `needs`, `once`, and then the
+# lines of the file for launch.c.
 
 # Of a setting that the service itself uses; without a value, that is none.
 function put(name, text) {
@@ -15,7 +16,7 @@ function tell(text) {
 	if (ignored != "") tell(" " ignored)
 	next
 }
-key == "user" && FILENAME !~ /^\/etc\/default\// {
+key == "user" && FILENAME != defaults {
 	tell(": user= is allowed only in the image's file, ignored")
 	next
 }

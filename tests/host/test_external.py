@@ -44,6 +44,7 @@ int main(int argc, char **argv) {
     "package/blink/S70blink": "#!/bin/sh\n",
     "package/blink/blink.default": "enabled=no\nuser=blink\n",
     "overlay/etc/lamp.conf": "pin=4\n",
+    "overlay/etc/default/ddxhealth": "user=ddxhealth\nsilence=7\n",
     "overlay/bin/vi": "#!/bin/sh\n",  # a link to BusyBox in ours
     "board/lamp/meta": "title=a lamp\nqemu=qemu-system-x86_64\ncpu=qemu64\nmachine=pc\nmemory=256\nfirmware=bios\n",
     "board/lamp/kernel.fragment": "CONFIG_LEDS=y\n",
@@ -85,6 +86,9 @@ def test_an_image_has_program_user_script_settings_and_overlay(mine: pathlib.Pat
     assert os.access(root / "etc/init.d/S70blink", os.X_OK)
     assert "user=blink\n" in (root / "etc/default/blink").read_text()
     assert (root / "etc/lamp.conf").read_text() == "pin=4\n"
+    assert "argument=-silence\nargument=7\n" in (
+        root / "usr/share/ddx/ready/ddxhealth/service/ddxhealth/launch").read_text()
+    assert "blink" not in (root / "usr/share/ddx/ready/idle").read_text()  # its script is its own
     assert (root / "bin/vi").read_text() == "#!/bin/sh\n"
     assert (root / "bin/busybox").read_bytes().startswith(b"\x7fELF")
     assert not manifest.accounts(root)

@@ -1,0 +1,139 @@
+# SPDX-License-Identifier: GPL-2.0-or-later
+"""Folders of services that the image's build makes ready are those that a boot would write, and only services without
+settings get them."""
+from __future__ import annotations
+
+import pathlib
+import shutil
+from collections.abc import Iterator
+
+import pytest
+
+from parts.common import TOP, run
+
+from .appliance import Appliance, with_service
+
+pytestmark = pytest.mark.retry
+
+DEFAULTS = {"ddxstore": "enabled=yes\nuser=ddxlog\npriority=-10\nm=32M\n",
+            "thing": "enabled=yes\nuser=ddxlog\nonce=yes\nmounted=/rec\nargument=it's `two words`\n",
+            "off": "enabled=no\nuser=ddxlog\n",
+            "clip": "enabled=yes\nuser=ddxlog\nneeds=/test/clip\n",
+            "own": "enabled=yes\nuser=ddxlog\n"}  # has a script of its own
+READY = "/etc/init.d/S19ready start"
+LISTING = "cd /run && find service log -exec stat -c '%N %a %U %G %F %s' {} + | sort && " \
+          "find service log -type f -exec md5sum {} + | sort"
+
+
+def build(appliance: Appliance) -> None:
+    run([TOP / "board/common/post-build.sh", appliance.root])
+
+
+@pytest.fixture
+def appliance(tmp_path: pathlib.Path) -> Iterator[Appliance]:
+    """An image as built; no program runs in it."""
+    with with_service(tmp_path) as appliance:
+        for name, text in DEFAULTS.items():
+            (appliance.root / "etc/default" / name).write_text(text)
+        package = tmp_path / "package"
+        (package / "own").mkdir(parents=True)
+        (package / "own/S54own").write_text("")
+        (package / "programs.txt").write_text("".join(
+            f"{'own' if name == 'own' else '.'} S5{number}{name} {name} 95{number} a test\n"
+            for number, name in enumerate(DEFAULTS)))
+        run([TOP / "board/common/init-scripts", package, appliance.root])
+        appliance.add("etc/init.d/S54own", "#!/bin/sh\n/usr/libexec/ddx/service own start\n")
+        appliance.install("overlay/etc/init.d/S19ready", "etc/init.d/S19ready")
+        build(appliance)
+        yield appliance
+
+
+def folders(appliance: Appliance) -> list[str]:
+    return sorted(path.name for path in (appliance.root / "run/service").iterdir())
+
+
+def launch(appliance: Appliance, name: str) -> str:
+    return (appliance.root / f"run/service/{name}/launch").read_text()
+
+
+def boot(appliance: Appliance) -> str:
+    """The output of all scripts, as at a boot."""
+    code, text = appliance.run("for script in /etc/init.d/S??*; do $script start; done")
+    assert code == 0
+    return text
+
+
+def test_ready_folders_are_those_that_a_start_writes(appliance: Appliance) -> None:
+    assert appliance.run(READY) == (0, "Starting ready: OK\n")
+    ready = appliance.run(LISTING)[1]
+    assert folders(appliance) == ["ddxstore", "thing"]
+    for name in ("service", "log"):
+        shutil.rmtree(appliance.root / "run" / name)
+        (appliance.root / "run" / name).mkdir()
+    (appliance.root / "run/ready").unlink()
+    for name in ("ddxstore", "thing"):
+        assert appliance.run(f"/usr/libexec/ddx/service {name} start") == (0, f"Starting {name}: OK\n")
+    assert appliance.run(LISTING)[1] == ready
+    for line in ("supervise/control 600 ddxhealth", "log/thing 755 ddxlog", "service/thing/once 644 root"):
+        assert line in ready
+
+
+def test_scripts_of_services_that_are_done_only_say_so(appliance: Appliance) -> None:
+    """At a boot; later a start reads settings again."""
+    said = ["ready: OK", "ddxstore: OK", "thing: OK", "off: SKIP (disabled)", "clip: SKIP (no /test/clip)", "own: OK"]
+    before = {name: text for name, text in DEFAULTS.items() if name != "own"}
+    for name in before:  # nothing reads them
+        (appliance.root / "etc/default" / name).write_text("enabled=wrong\n")
+    assert boot(appliance) == "".join(f"Starting {line}\n" for line in said)
+    assert folders(appliance) == ["ddxstore", "own", "thing"]
+    rcs = (TOP / "overlay/etc/init.d/rcS").read_text()
+    emptied = next(line for line in rcs.splitlines() if "/run/ready" in line)
+    assert appliance.run(emptied)[0] == 0
+    code, text = appliance.run("/etc/init.d/S51thing start")
+    assert code == 1 and "/etc/default/thing: line 1: enabled=wrong: yes or no is needed\n" in text
+
+
+@pytest.mark.parametrize("file, line, name", [
+    ("data/ddx/thing.conf", "argument=mine", "thing"), ("run/settings/thing.conf", "argument=mine", "thing"),
+    ("test/thing.conf", "argument=mine", "thing"), ("data/ddx/store.conf", "m=mine", "ddxstore"),
+    ("data/ddx/off.conf", "enabled=yes\nx=mine", "off")])
+def test_a_service_with_settings_is_written_from_them(appliance: Appliance, file: str, line: str, name: str) -> None:
+    path = appliance.root / file
+    path.parent.mkdir(parents=True, exist_ok=True)
+    path.write_text(line)
+    assert appliance.run(READY)[0] == 0
+    assert name not in folders(appliance)
+    boot(appliance)
+    assert "argument=mine\n" in launch(appliance, name)
+
+
+def test_a_service_that_settings_switch_off_does_not_start(appliance: Appliance) -> None:
+    (appliance.root / "data/ddx").mkdir()
+    (appliance.root / "data/ddx/thing.conf").write_text("enabled=no\n")
+    assert "Starting thing: SKIP (disabled)\n" in boot(appliance)
+    assert folders(appliance) == ["ddxstore", "own"]
+
+
+def test_further_instances_and_needed_files_are_found(appliance: Appliance) -> None:
+    (appliance.root / "data/ddx").mkdir()
+    (appliance.root / "data/ddx/off.two.conf").write_text("enabled=yes\n")
+    (appliance.root / "test/clip").write_text("")
+    assert "Starting clip: OK\n" in boot(appliance)
+    assert folders(appliance) == ["clip", "ddxstore", "off.two", "own", "thing"]
+
+
+def test_a_later_build_makes_them_from_its_own_defaults(appliance: Appliance) -> None:
+    """Buildroot uses the folder of the root file system again."""
+    (appliance.root / "etc/default/thing").write_text("enabled=yes\nuser=ddxlog\nargument=new\n")
+    (appliance.root / "etc/default/off").write_text("enabled=yes\nuser=ddxlog\n")
+    (appliance.root / "etc/default/ddxstore").unlink()
+    build(appliance)
+    assert appliance.run(READY)[0] == 0
+    assert folders(appliance) == ["off", "thing"]
+    assert "argument=new\n" in launch(appliance, "thing")
+
+
+def test_rescue_starts_none(appliance: Appliance) -> None:
+    appliance.run("echo ddx.rescue > /run/words; mount --bind /run/words /proc/cmdline")
+    assert boot(appliance).splitlines()[0] == "Starting ready: SKIP (rescue)"
+    assert folders(appliance) == []
