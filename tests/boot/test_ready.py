@@ -29,7 +29,7 @@ def test_ready_folders_are_those_that_a_start_writes(guest: Guest) -> None:
         guest.sh(FRESH)
         scripts = " ".join(f"/etc/init.d/{script}" for script in tables.scripts())
         inside(f"for script in {scripts}; do \\$script start; done")
-        assert inside(LISTING) == ready
+        assert ready.splitlines() == inside(LISTING).splitlines()
     finally:
         guest.sh(f"umount {ROOT}/proc {ROOT}/run {ROOT}/dev {ROOT}")
     assert {"ddxstore", "ddxvideosave", "ddxvideoV4L", "ddxhealth"} <= set(names)

@@ -73,7 +73,7 @@ def test_ready_folders_are_those_that_a_start_writes(appliance: Appliance) -> No
     (appliance.root / "run/ready").unlink()
     for name in ("ddxstore", "thing"):
         assert appliance.run(f"/usr/libexec/ddx/service {name} start") == (0, f"Starting {name}: OK\n")
-    assert appliance.run(LISTING)[1] == ready
+    assert ready.splitlines() == appliance.run(LISTING)[1].splitlines()
     for line in ("supervise/control 600 ddxhealth", "log/thing 755 ddxlog", "service/thing/once 644 root"):
         assert line in ready
 
