@@ -48,13 +48,19 @@ static void segment_index_add(struct segment *segment, const struct frame_queue_
     segment->latency[position] = latency;
 }
 
-/* Brings written bytes to the disk. For files that were not prepared, metadata must be written as well, and not all of
- * it belongs to the file. */
-static int sync_fd(const struct segment *segment, int fd) {
-    int error = (segment->file.prepared ? fdatasync(fd) : syncfs(fd)) ? -errno : 0;
+/*
+ * Brings written bytes to the disk. For files that were not prepared, metadata must be written as well, and not all of
+ * it belongs to the file. Once this is done, and all blocks are allocated, only the file's own metadata change:
+ * fdatasync() writes them without waiting for what other programs have written.
+ */
+static int sync_fd(struct segment *segment, int fd) {
+    bool all = !segment->file.prepared && !segment->settled;
+    int error = (all ? syncfs(fd) : fdatasync(fd)) ? -errno : 0;
 
     if (error)
         *segment->unsafe = true;
+    else if (all)
+        segment->settled = segment->file.allocated;
     return error;
 }
 

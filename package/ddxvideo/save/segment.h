@@ -44,6 +44,7 @@ struct segment {
     /* Of a pool file: */
     struct pool *pool; /* NULL: a plain file */
     struct pool_file file;
+    bool settled; /* a file that was not prepared: its name and its allocated blocks are on the disk */
     struct index_file *index;
     int64_t *latency; /* of each frame, from the store to the disk */
     DDX_STATS_BOOK *book;

@@ -63,7 +63,7 @@ static int64_t pause_after(const struct pool *pool, int64_t took) {
 }
 
 /* Writes each byte that has not been written yet. 0; -ECANCELED on a request to stop; or -errno. */
-static int fill(struct pool *pool, const struct pool_file *file) {
+static int fill(struct pool *pool, struct pool_file *file) {
     int error = pool_allocate(pool, file);
 
     if (error)

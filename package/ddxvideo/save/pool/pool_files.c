@@ -355,11 +355,10 @@ void pool_give_back(struct pool_file *file) {
     pool_release(file);
 }
 
-int pool_allocate(const struct pool *pool, const struct pool_file *file) {
+int pool_allocate(const struct pool *pool, struct pool_file *file) {
     /* Not posix_fallocate(): on ext3 it writes single bytes instead, which O_DIRECT refuses. */
-    if (!fallocate(file->fd, 0, 0, (off_t)pool->bytes) || errno == EOPNOTSUPP)
-        return 0;
-    return -errno;
+    file->allocated = !fallocate(file->fd, 0, 0, (off_t)pool->bytes);
+    return file->allocated || errno == EOPNOTSUPP ? 0 : -errno;
 }
 
 bool pool_has_room(const struct pool *pool) {

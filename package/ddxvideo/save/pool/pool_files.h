@@ -25,6 +25,7 @@ struct pool_file {
     int lock_fd;  /* locked as long as it is open */
     bool direct;
     bool prepared;    /* no metadata is left to write, except changes by this program */
+    bool allocated;   /* of a file that is not prepared: all of its blocks are allocated */
     uint64_t written; /* if not prepared: bytes that have been written once all the same */
 };
 
@@ -118,7 +119,7 @@ int pool_create(struct pool *pool, struct pool_file *file);
 int pool_write_index(const struct pool_file *file, uint32_t state);
 
 /* Allocate blocks for the whole file, in one piece if possible. Some file systems allocate them only on writing. */
-int pool_allocate(const struct pool *pool, const struct pool_file *file);
+int pool_allocate(const struct pool *pool, struct pool_file *file);
 
 /* Whether the disk has space for one more file and a reserve for other programs. */
 bool pool_has_room(const struct pool *pool);
