@@ -19,7 +19,8 @@ static enum verdict judge_services(const struct former *former, const struct ser
                                    const struct services *now, char *reason) {
     for (unsigned i = 0; i < now->count; i++) {
         const struct service *service = &now->list[i];
-        if (!service->enabled || service->stopped || (former->known && !former_has(former->runs, service->name)))
+        if (!service->enabled || service->stopped || service->full ||
+            (former->known && !former_has(former->runs, service->name)))
             continue;
         if (service->misconfigured)
             return because(WRONG, reason, "%s refuses its settings", service->name);
@@ -31,11 +32,12 @@ static enum verdict judge_services(const struct former *former, const struct ser
     return GOOD;
 }
 
-/* Whether the service may be silent: a person has stopped or disabled it, or it is not one of this version's. */
+/* Whether the service may be silent: a person has stopped or disabled it, its disk is full, or it is not one of this
+ * version's. */
 static bool may_rest(const struct services *services, const char *name) {
     for (unsigned i = 0; i < services->count; i++)
         if (!strcmp(services->list[i].name, name))
-            return !services->list[i].enabled || services->list[i].stopped;
+            return !services->list[i].enabled || services->list[i].stopped || services->list[i].full;
     return true;
 }
 
@@ -51,7 +53,7 @@ static enum verdict judge_frames(const struct former *former, const struct sight
     }
     for (unsigned i = 0; i < now->frames.count; i++) {
         const struct counter *is = &now->frames.list[i], *was = frames_find(&before->frames, is->name);
-        if (is->kind == RECORDER && is->lost > (was ? was->lost : 0))
+        if (is->kind == RECORDER && is->lost > (was ? was->lost : 0) && !may_rest(&now->services, is->name))
             return because(BAD, reason, "%s loses frames", is->name);
         if (!former->known && is->kind != LOGGER && was && was->passed && is->passed <= was->passed &&
             !may_rest(&now->services, is->name))

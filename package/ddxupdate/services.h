@@ -13,6 +13,7 @@ struct service {
     bool runs;          /* or has done its work, if that is what it is for */
     bool misconfigured; /* it refused its settings */
     bool stopped;       /* by a person, since then */
+    bool full;          /* a recorder or logger whose disk has no room: as in the version before */
     unsigned restarts;  /* unwanted ones since the boot */
 };
 

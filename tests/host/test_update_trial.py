@@ -115,6 +115,8 @@ GOOD: dict[str, Change] = {
                                    machine.write("proc/net/route", "Iface\n")),
     "stopped-by-a-person": lambda machine: (machine.service("thing", "down"),
                                             machine.write("run/service/thing/down", "")),
+    "its-disk-is-full": lambda machine: (machine.service("thing", "finish", 3), machine.write(
+        "run/log/thing/current", "thing: recording stopped, No space left on device; make room and start again\n")),
     "not-enabled": lambda machine: (machine.write("run/update.services", STATES.replace("thing enabled=yes",
                                                                                         "thing enabled=no")),
                                     machine.service("thing", "down")),
