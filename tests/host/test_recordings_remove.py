@@ -144,6 +144,10 @@ def test_the_machine_removes_and_reads_as_the_recorder_s_user(root: pathlib.Path
         robot.sh("chown ddxsave:ddx /rec/mine.y4m; chmod 600 /rec/*.y4m")
         assert robot.sh("ddxctl recordings read mine.y4m 100 | sha256sum") == robot.sh(
             "tail -c +101 /rec/mine.y4m | sha256sum")
+        size = (tmp_path / "rec/mine.y4m").stat().st_size
+        for first in (size - 1, size, size + 1):
+            counts = robot.sh(f"ddxctl recordings read -size mine.y4m {first} | wc -l -c").split()
+            assert counts == ["1", str(len(f"{size}\n") + max(0, size - first))]
         status, said = robot.run("ddxctl recordings read root-s.y4m")
         assert status == 2 and said.startswith("ddxrecordings: root-s.y4m: there is no such file")
         robot.sh("chown root /rec")

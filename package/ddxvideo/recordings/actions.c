@@ -247,7 +247,15 @@ static int put(void *to, const unsigned char *bytes, size_t size) {
     return *write_error = bytes_write(STDOUT_FILENO, bytes, size);
 }
 
-int read_file(const struct folder *folder, const struct found *found, uint64_t from) {
+/* For a program that has to announce it before the bytes. */
+static int put_size(const struct found *found) {
+    char line[32];
+    int length = snprintf(line, sizeof line, "%" PRIu64 "\n", found->bytes);
+
+    return bytes_write(STDOUT_FILENO, (const unsigned char *)line, (size_t)length);
+}
+
+int read_file(const struct folder *folder, const struct found *found, uint64_t from, bool size) {
     struct found_use use;
     int write_error = 0;
 
@@ -255,13 +263,15 @@ int read_file(const struct folder *folder, const struct found *found, uint64_t f
         say("%s: is not finished", found->shown);
         return EXIT_FAILED;
     }
-    if (from > found->bytes) {
+    if (from > found->bytes && !size) {
         say("%s: has %" PRIu64 " bytes only", found->shown, found->bytes);
         return EXIT_USAGE;
     }
     int error = found_open(folder, found, &use);
     if (!error && found_is_given_up(&use, found)) /* nothing of a new recording is written */
         error = -EBUSY;
+    if (!error && size)
+        error = write_error = put_size(found);
     if (!error)
         error = bytes_read_from(use.fd, use.direct, from, found->bytes, put, &write_error);
     /* Without a hold (another user's pool) the bytes may be those of a new recording. */

@@ -14,8 +14,9 @@ int export_files(const struct folder *folder, const bool *chosen, const char *to
 
 /*
  * Write a finished file to standard output, without its first `from` bytes. It is held meanwhile (found_open()).
+ * `size`: first a line with its size, once nothing but the disk can fail; `from` may be beyond it then.
  */
-int read_file(const struct folder *folder, const struct found *found, uint64_t from);
+int read_file(const struct folder *folder, const struct found *found, uint64_t from, bool size);
 
 /*
  * Remove the chosen files. If one of them is being recorded, or is held by another program (found_open()), none is

@@ -193,7 +193,7 @@ static const char usage[] =
     "       ddxrecordings verify [NAME...] [-progress] [-folder DIR]\n"
     "       ddxrecordings export NAME...|all|newest FOLDER [-progress] [-folder DIR]\n"
     "       ddxrecordings remove NAME... [-folder DIR]\n"
-    "       ddxrecordings read FILE [FROM] [-folder DIR]\n"
+    "       ddxrecordings read FILE [FROM] [-size] [-folder DIR]\n"
     "\n"
     "  list     recordings, oldest first; a recording is one or more files that follow each other without a gap\n"
     "  verify   reads files from the disk, compares each frame with its sum in the index (exit 1: it differs)\n"
@@ -206,6 +206,7 @@ static const char usage[] =
     "  -json    for programs: one JSON object a line\n"
     "  -progress\n"
     "           a line for each percent of all bytes that are to be read: \"12 %\"\n"
+    "  -size    before the bytes of read, a line with the size of the file\n"
     "\n"
     "Exit status: 0, 1 failed or not what was recorded, 2 bad usage.\n";
 
@@ -272,7 +273,7 @@ static int choose(const struct folder *folder, char **words, bool *chosen) {
 }
 
 /* `words` are a file's name, and the first byte of it that is wanted. */
-static int read_one(const struct folder *folder, char **words) {
+static int read_one(const struct folder *folder, char **words, bool size) {
     uint64_t from = 0;
 
     if (words[1]) {
@@ -285,21 +286,21 @@ static int read_one(const struct folder *folder, char **words) {
     }
     for (unsigned i = 0; i < folder->count; i++)
         if (!strcmp(folder->file[i].name, words[0]))
-            return read_file(folder, &folder->file[i], from);
+            return read_file(folder, &folder->file[i], from, size);
     say("%s: there is no such file; `list -json` shows all", words[0]);
     return EXIT_USAGE;
 }
 
 struct wishes {
     const char *folder;
-    bool json, progress;
+    bool json, progress, size;
 };
 
 static int run(const struct folder *folder, const char *command, char **words, const struct wishes *wishes) {
     const char *to = NULL;
 
     if (!strcmp(command, "read"))
-        return read_one(folder, words);
+        return read_one(folder, words, wishes->size);
     if (!strcmp(command, "list")) {
         show_recordings(folder, wishes->json);
         if (!wishes->json)
@@ -374,6 +375,8 @@ int main(int argc, char **argv) {
             wishes.json = true;
         else if (!strcmp(option, "progress"))
             wishes.progress = true;
+        else if (!strcmp(option, "size"))
+            wishes.size = true;
         else if (!strcmp(option, "folder") && i + 1 < argc)
             wishes.folder = argv[++i];
         else
