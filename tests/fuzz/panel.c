@@ -10,6 +10,7 @@
 #include <stdlib.h>
 #include <string.h>
 
+#include "download.h"
 #include "guard.h"
 #include "message.h"
 #include "order.h"
@@ -84,6 +85,20 @@ static void check_picture(const char *address) {
     assert(wanted.form.divisor == 1 || wanted.form.divisor == 2);
 }
 
+static void check_file(const struct scgi *request, const char *address) {
+    static const char path[] = "/panel/recording/";
+    struct download wanted;
+    uint64_t size;
+    if (!address || strncmp(address, path, strlen(path)) ||
+        !download_parse(&wanted, address + strlen(path), scgi_value(request, "HTTP_RANGE"),
+                        scgi_value(request, "HTTP_IF_RANGE")))
+        return;
+    assert(*wanted.name && strlen(wanted.name) <= DOWNLOAD_NAME && !strpbrk(wanted.name, " /\r\n"));
+    assert(wanted.first <= wanted.last);
+    if (download_hear(&size, request->body, request->body_size) && download_limit(&wanted, size))
+        assert(!size || (wanted.first <= wanted.last && wanted.last < size));
+}
+
 static void check_message(const uint8_t *data, size_t size) {
     struct message_request *request = calloc(1, size < sizeof *request ? sizeof *request : size);
     const char *words[MESSAGE_WORDS + 1], *command[ORDER_WORDS], *reason;
@@ -117,5 +132,6 @@ int LLVMFuzzerTestOneInput(const uint8_t *data, size_t size) {
     check_cookie(scgi_value(&request, "HTTP_COOKIE"));
     check_order(&request);
     check_picture(scgi_value(&request, "REQUEST_URI"));
+    check_file(&request, scgi_value(&request, "REQUEST_URI"));
     return 0;
 }

@@ -42,27 +42,59 @@ static void test_orders(void) {
     CHECK(same(ORDER("machine", "off"), "/sbin/poweroff"));
     CHECK(same(ORDER("record", "split"), "/usr/bin/ddxctl record split"));
     CHECK(same(ORDER("recordings"), "/usr/bin/ddxctl recordings list --json"));
-    CHECK(same(ORDER("recordings", "verify", "video-000012"),
-               "/usr/bin/ddxctl recordings verify -progress video-000012"));
+    CHECK(same(ORDER("recordings", "verify", "video-000012"), "/usr/libexec/ddx/panel-job begin verify video-000012"));
     CHECK(same(ORDER("recordings", "copy", "video-000012", "usb"),
-               "/usr/bin/ddxctl recordings export -progress video-000012 usb"));
+               "/usr/libexec/ddx/panel-job begin export video-000012 usb"));
     CHECK(same(ORDER("recordings", "remove", "video-000012"), "/usr/bin/ddxctl recordings remove video-000012"));
+    CHECK(same(ORDER("recordings", "read", "video-000012.mp4", "4096"),
+               "/usr/bin/ddxctl recordings read -size video-000012.mp4 4096"));
 }
 
 static void test_recordings_that_are_refused(void) {
     static const char *const names[] = {"",   "-folder", "--json", "../x", "/rec/x", "a/b", ".",
                                         ".x", "a b",     "a;b",    "all",  "newest", "*",   "a\nb"};
+    static const char *const numbers[] = {"", "-1", "+1", " 1", "1x", "0x1", "-size", "9999999999999999999"};
 
     for (size_t i = 0; i < sizeof names / sizeof names[0]; i++) {
         CHECK(same(ORDER("recordings", "remove", names[i]), ""));
         CHECK(same(ORDER("recordings", "verify", names[i]), ""));
         CHECK(same(ORDER("recordings", "copy", names[i], "usb"), ""));
+        CHECK(same(ORDER("recordings", "read", names[i], "0"), ""));
     }
+    for (size_t i = 0; i < sizeof numbers / sizeof numbers[0]; i++)
+        CHECK(same(ORDER("recordings", "read", "video.mp4", numbers[i]), "") && same(reason, "is not a number"));
     CHECK(same(ORDER("recordings", "copy", "video-000012", "/etc"), "") && same(reason, "is not usb"));
     CHECK(same(ORDER("recordings", "copy", "video-000012"), ""));
     CHECK(same(ORDER("recordings", "export", "video-000012", "usb"), ""));
     CHECK(same(ORDER("recordings", "remove"), "") && same(ORDER("recordings", "remove", "a", "b"), ""));
     CHECK(same(ORDER("record", "pre-roll"), "") && same(ORDER("record", "stop", "other"), ""));
+}
+
+static void test_streams(void) {
+    static const char *const wrong[] = {"",       "to",         "to=",   "to=-x",      "=x",      "key=a",    "sdp=a",
+                                        "user=a", "realtime=9", "-to=a", "to=a b",     "to=a/b",  "to=a;b",   "to=a\nb",
+                                        "TO=a",   "too=a",      "t=a",   "name=$(id)", "needs=a", "mounted=a"};
+
+    CHECK(same(ORDER("add", "ddxvideosend.a", "group=none", "to=[fd00::2]:8000,10.0.0.2", "port=8004", "name=rear:x",
+                     "ts=8100", "wire=800"),
+               "/usr/bin/ddxctl add ddxvideosend.a group=none to=[fd00::2]:8000,10.0.0.2 port=8004 name=rear:x ts=8100 "
+               "wire=800"));
+    CHECK(
+        same(ORDER("add", "ddxvideosend.a", "port=1", "port=2", "port=3", "port=4", "port=5", "port=6", "port=7"), ""));
+    for (size_t i = 0; i < sizeof wrong / sizeof wrong[0]; i++)
+        if (!same(ORDER("add", "ddxvideosend.a", "port=1", wrong[i]), "") ||
+            !same(reason, "is not a setting of a stream"))
+            CHECK_EQUAL(i, 1000);
+    CHECK(same(ORDER("add", "ddxvideosend", "port=1"), "") &&
+          same(reason, "is not an added stream, ddxvideosend.NAME"));
+    CHECK(same(ORDER("add", "ddxvideoload.a", "port=1"), "") && same(ORDER("add", "ddxvideosend.a"), ""));
+    CHECK(same(ORDER("remove", "ddxvideosend.a"), "/usr/bin/ddxctl remove ddxvideosend.a"));
+    CHECK(same(ORDER("remove", "ddxvideosend"), "") && same(ORDER("remove", "ddxlog.a"), ""));
+    CHECK(same(ORDER("stream", "ddxvideosend.a"), "/usr/bin/ddxctl stream ddxvideosend.a"));
+    CHECK(same(ORDER("reset", "settings"), "/usr/libexec/ddx/panel-reset"));
+    CHECK(same(ORDER("reset", "settings", "recordings"), ""));
+    CHECK(same(ORDER("job"), "/usr/libexec/ddx/panel-job show") &&
+          same(ORDER("job", "stop"), "/usr/libexec/ddx/panel-job stop") && same(ORDER("job", "begin"), ""));
 }
 
 static void test_orders_that_are_refused(void) {
@@ -104,7 +136,7 @@ static struct run run(unsigned seconds, size_t limit, struct output *output, con
     struct run run;
 
     *output = (struct output){.wanted = output->wanted ? output->wanted : sizeof output->text};
-    CHECK_EQUAL(run_program(words, &(const struct run_for){seconds, limit, -1, take, output}, &run), 0);
+    CHECK_EQUAL(run_program(words, &(const struct run_for){seconds, limit, -1, take, output, false}, &run), 0);
     return run;
 }
 
@@ -147,7 +179,7 @@ static void test_limits(void) {
     CHECK(end.end == RUN_TOO_MUCH && output.size <= 1000);
     end = RUN(60, 1000, SHELL, "kill -9 $$");
     CHECK(end.end == RUN_KILLED && end.status == SIGKILL);
-    const struct run_for limits = {1, 1, -1, take, &output};
+    const struct run_for limits = {1, 1, -1, take, &output, false};
     CHECK_EQUAL(run_program((const char *const[]){"/no/such", NULL}, &limits, &end), -ENOENT);
 }
 
@@ -275,6 +307,7 @@ int main(void) {
     CHECK(!prctl(PR_SET_CHILD_SUBREAPER, 1));
     test_orders();
     test_orders_that_are_refused();
+    test_streams();
     test_recordings_that_are_refused();
     test_a_program_gets_its_words_and_nothing_else();
     test_limits();

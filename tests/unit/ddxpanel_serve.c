@@ -19,12 +19,13 @@
 /* Orders whose programs each machine has: the table of the product is in order.c. */
 static const struct order *find(const char *const *words, const char *command[ORDER_WORDS], const char **reason) {
     static const struct order orders[] = {
-        {"say", {"/bin/echo"}, FOREVER, 1 << 20, false},
-        {"fill", {"/usr/bin/head", "-c", "100000", "/dev/zero"}, FOREVER, 1 << 20, false},
-        {"wait", {"/bin/sleep", "60"}, FOREVER, 1 << 20, false},
-        {"late", {"/bin/sleep", "60"}, 1, 1 << 20, false},
-        {"change", {"/bin/sh", "-c"}, FOREVER, 1 << 20, true},
-        {"nothing", {"/no/such/program"}, FOREVER, 1 << 20, false},
+        {"say", {"/bin/echo"}, FOREVER, 1 << 20, ORDER_SHOWS},
+        {"fill", {"/usr/bin/head", "-c", "100000", "/dev/zero"}, FOREVER, 1 << 20, ORDER_SHOWS},
+        {"wait", {"/bin/sleep", "60"}, FOREVER, 1 << 20, ORDER_SHOWS},
+        {"late", {"/bin/sleep", "60"}, 1, 1 << 20, ORDER_SHOWS},
+        {"change", {"/bin/sh", "-c"}, FOREVER, 1 << 20, ORDER_CHANGES},
+        {"bytes", {"/bin/sh", "-c"}, FOREVER, 1 << 20, ORDER_BYTES},
+        {"nothing", {"/no/such/program"}, FOREVER, 1 << 20, ORDER_SHOWS},
     };
 
     for (size_t i = 0; i < sizeof orders / sizeof orders[0]; i++) {
@@ -242,6 +243,39 @@ static void test_a_change_goes_on_without_its_visitor(void) {
     CHECK(strstr(end(&root), "done: exit status 0\n"));
 }
 
+/* What a program reports must not be in the middle of a recording. */
+static void test_bytes_are_those_of_standard_output(void) {
+    struct root root = begin(PASSPHRASE, find);
+    char text[64];
+    size_t size;
+    int fd;
+
+    CHECK_EQUAL(ORDER(&root, "bytes\0echo wrong >&2; echo good", &fd).status, 200);
+    struct message_end how = output(fd, text, sizeof text, &size);
+    CHECK(!how.end && !how.status && size == 5 && !memcmp(text, "good\n", 5));
+    CHECK(strstr(end(&root), "wrong\n") != NULL);
+}
+
+/* They run for long, and other orders find a place. */
+static void test_two_files_at_a_time(void) {
+    struct root root = begin(PASSPHRASE, find);
+    int fd[SERVE_BYTES], more;
+
+    for (int i = 0; i < SERVE_BYTES; i++)
+        CHECK_EQUAL(ORDER(&root, "bytes\0sleep 60", &fd[i]).status, 200);
+    struct message_answer answer = ORDER(&root, "bytes\0sleep 60", &more);
+    CHECK(answer.status == 409 && !strcmp(answer.reason, "two files are being fetched already"));
+    CHECK_EQUAL(ORDER(&root, "wait", &more).status, 200);
+    close(more);
+    for (int i = 0; i < SERVE_BYTES; i++)
+        close(fd[i]); /* the visitor has gone */
+    const char *log = end(&root);
+    for (int i = 0; i < SERVE_BYTES; i++) {
+        log = strstr(log, "sleep 60: was not wanted any more, killed by signal 9\n");
+        CHECK(log++);
+    }
+}
+
 static void test_a_link(void) {
     char folder[] = "/tmp/ddx-serve-XXXXXX", path[64];
     struct link link;
@@ -330,6 +364,8 @@ int main(void) {
     test_orders();
     test_orders_do_not_wait_for_each_other();
     test_a_change_goes_on_without_its_visitor();
+    test_bytes_are_those_of_standard_output();
+    test_two_files_at_a_time();
     test_a_link();
     test_a_web_process_that_hangs();
     test_a_part_that_exits();

@@ -1,6 +1,7 @@
 /* SPDX-License-Identifier: GPL-2.0-or-later */
 /* The panel's web process: requests of lighttpd, words of orders, sessions. */
 #include "check.h"
+#include "download.h"
 #include "guard.h"
 #include "picture.h"
 #include "scgi.h"
@@ -354,6 +355,63 @@ static void test_pictures_that_are_heard(void) {
             CHECK_EQUAL(i, 1000);
 }
 
+static bool fetches(const char *text, const char *range, const char *if_range, const char *name, uint64_t first,
+                    uint64_t last) {
+    struct download wanted;
+
+    return download_parse(&wanted, text, range, if_range) && !strcmp(wanted.name, name) && wanted.first == first &&
+           wanted.last == last && wanted.is_part == (first || last != UINT64_MAX);
+}
+
+static void test_files_that_are_wanted(void) {
+    static const char *const wrong[] = {"", "a/b", "a%2fb", "a b", "a%0d%0aX: y", "a%00", "m\xfc"};
+    static const char *const whole[] = {"bytes=-5",
+                                        "bytes=5",
+                                        "bytes=1-2,4-5",
+                                        "bytes=9-8",
+                                        "bytes=1-x",
+                                        "bytes=+1-",
+                                        "bytes= 1-",
+                                        "items=1-2",
+                                        "",
+                                        "bytes=1--",
+                                        "bytes=9999999999999999999-"};
+    struct download wanted;
+
+    CHECK(fetches("a.mp4", NULL, NULL, "a.mp4", 0, UINT64_MAX));
+    CHECK(fetches("carol%3Avideo.mp4", "bytes=100-", NULL, "carol:video.mp4", 100, UINT64_MAX));
+    CHECK(fetches("a.mp4", "bytes=100-199", NULL, "a.mp4", 100, 199) && fetches("a", "bytes=7-7", NULL, "a", 7, 7));
+    CHECK(fetches("a.mp4", "bytes=7-", "\"a.mp4\"", "a.mp4", 7, UINT64_MAX));
+    CHECK(fetches("a.mp4", "bytes=7-", "\"b.mp4\"", "a.mp4", 0, UINT64_MAX)); /* the rest of another file */
+    CHECK(fetches("a.mp4", "bytes=7-", "a.mp4", "a.mp4", 0, UINT64_MAX));
+    CHECK(fetches("a.mp4", "bytes=7-", "\"a.mp4\"x", "a.mp4", 0, UINT64_MAX));
+    for (size_t i = 0; i < sizeof whole / sizeof *whole; i++)
+        if (!fetches("a", whole[i], NULL, "a", 0, UINT64_MAX))
+            CHECK_EQUAL(i, 1000);
+    for (size_t i = 0; i < sizeof wrong / sizeof *wrong; i++)
+        if (download_parse(&wanted, wrong[i], NULL, NULL))
+            CHECK_EQUAL(i, 1000);
+}
+
+static bool limited(uint64_t first, uint64_t last, uint64_t size, uint64_t bytes) {
+    struct download wanted = {.is_part = true, .first = first, .last = last};
+
+    return download_limit(&wanted, size) && wanted.last + 1 - wanted.first == bytes;
+}
+
+static void test_files_of_a_size(void) {
+    struct download whole = {.is_part = false, .last = UINT64_MAX};
+    uint64_t size = 0;
+
+    CHECK(limited(0, UINT64_MAX, 10, 10) && limited(9, UINT64_MAX, 10, 1) && limited(2, 4, 10, 3));
+    CHECK(limited(2, 99, 10, 8) && !limited(10, UINT64_MAX, 10, 0) && !limited(0, 5, 0, 0));
+    CHECK(download_limit(&whole, 0) && whole.last + 1 == 0);
+    CHECK(download_hear(&size, "1234\nabc", 8) == 5 && size == 1234);
+    CHECK(download_hear(&size, "0\n", 2) == 2 && size == 0);
+    CHECK(!download_hear(&size, "", 0) && !download_hear(&size, "\n", 1) && !download_hear(&size, "1234", 4));
+    CHECK(!download_hear(&size, "12 \n", 4) && !download_hear(&size, "9999999999999999999\n", 20));
+}
+
 int main(void) {
     test_a_request_is_complete_with_its_last_byte();
     test_what_is_not_a_request();
@@ -365,5 +423,7 @@ int main(void) {
     test_sessions();
     test_pictures_that_are_wanted();
     test_pictures_that_are_heard();
+    test_files_that_are_wanted();
+    test_files_of_a_size();
     return 0;
 }

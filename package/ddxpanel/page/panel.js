@@ -108,7 +108,7 @@ function choose() {
 	refresh();
 }
 
-function begin(name) {
+function begin({ name }) {
 	title(name);
 	pages.hidden = logout.hidden = false;
 	pages.replaceChildren(...Object.entries(VIEWS).map(([key, [text]]) => element("a", { href: `#${key}` }, text)));

@@ -12,12 +12,13 @@ function post(path, body) {
 	return fetch(`/panel/${path}`, { method: "POST", headers: { "X-Panel": "1" }, body });
 }
 
-// The machine's name; Refused with 401: not logged in.
+// The machine's name, and this device's address there; Refused with 401: not logged in.
 export async function session() {
 	const answer = await fetch("/panel/session");
 	const text = (await answer.text()).trim();
 	if (!answer.ok) throw new Refused(answer.status, text);
-	return text;
+	const [name, address] = text.split("\n");
+	return { name, address: address.replace(/^::ffff:/, "") };
 }
 
 // Status, and ms until this address may try again.

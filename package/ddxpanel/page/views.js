@@ -197,11 +197,18 @@ function machine(place, words, gone) {
 		if (reason) notice(reason, 20);
 		else gone(text);
 	};
+	const reset = async () => {
+		notice("resets the settings ...", 300);
+		const reason = await change(["reset", "settings"]);
+		notice(reason || "done: the machine has the image's settings", reason ? 20 : 8);
+	};
 	place.replaceChildren(element("h2", {}, "Machine"),
 		element("p", { class: "dim" }, "The recording in progress is finished first."),
 		element("div", { class: "buttons" },
 			armed("Restart", "Restart: no pictures and no recording for half a minute",
 				leave("restart", "The machine restarts ..."), { id: "restart" }),
+			armed("Reset settings", "Reset: all switching and added streams are undone, recordings stay; if the panel was switched "
+				+ "on by ddxctl, this page goes away", reset, { id: "reset" }),
 			armed("Power off", "Power off: a person must switch it on by hand",
 				leave("off", "The machine is being switched off."), { id: "off" })));
 	return { refresh: async () => {}, tick: () => {}, every: 0 };
@@ -227,6 +234,7 @@ export const VIEWS = {
 		return (place, item) => live(place, item || "video");
 	}, 5)],
 	recordings: ["Recordings", fetched(async () => (await import("./recordings.js")).recordings, 5)],
+	streams: ["Streams", fetched(async () => (await import("./streams.js")).streams, 5)],
 	messages: ["Messages", messages],
 	report: ["Report", report],
 	machine: ["Machine", machine],

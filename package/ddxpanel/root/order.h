@@ -6,17 +6,23 @@
 #ifndef DDXPANEL_ORDER_H
 #define DDXPANEL_ORDER_H
 
-#include <stdbool.h>
 #include <stddef.h>
+#include <stdint.h>
 
-#define ORDER_WORDS 8 /* of a command, with its program */
+#define ORDER_WORDS 12 /* of a command, with its program, and NULL */
+
+enum order_kind {
+    ORDER_SHOWS,   /* is killed when its visitor has gone */
+    ORDER_CHANGES, /* goes on without its visitor: half a change would be worse than a whole one */
+    ORDER_BYTES    /* as ORDER_SHOWS; its output is the contents of a file, so its errors go to the log */
+};
 
 struct order {
     const char *form;                 /* "restart SERVICE": words in capitals are the visitor's */
     const char *command[ORDER_WORDS]; /* the path of the program, and its words before the visitor's */
     unsigned seconds;                 /* then it is killed */
-    size_t output;                    /* bytes; with more it is killed */
-    bool whole;                       /* goes on without its visitor: half a change would be worse than a whole one */
+    uint64_t output;                  /* bytes; with more it is killed */
+    enum order_kind kind;
 };
 
 /*

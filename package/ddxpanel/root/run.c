@@ -14,7 +14,7 @@
 #define PIECE 4096
 
 /* In the child. It gets standard input, output and errors, and no other descriptor: neither sockets nor keys. */
-_Noreturn static void become(const char *const *command, int output) {
+_Noreturn static void become(const char *const *command, int output, bool apart) {
     static char path[] = "PATH=/usr/sbin:/usr/bin:/sbin:/bin";
     static char *const environment[] = {path, NULL};
     sigset_t none;
@@ -25,7 +25,7 @@ _Noreturn static void become(const char *const *command, int output) {
     signal(SIGPIPE, SIG_DFL);
     setsid();
     if (nothing < 0 || dup2(nothing, STDIN_FILENO) < 0 || dup2(output, STDOUT_FILENO) < 0 ||
-        dup2(output, STDERR_FILENO) < 0 || close_range(3, ~0u, 0))
+        (!apart && dup2(output, STDERR_FILENO) < 0) || close_range(3, ~0u, 0))
         _exit(NOT_STARTED);
     execve(command[0], (char *const *)command, environment); /* changes none of the words */
     _exit(NOT_STARTED);
@@ -33,7 +33,7 @@ _Noreturn static void become(const char *const *command, int output) {
 
 /* Reads until the output ends, or until a limit is reached. */
 static enum run_end follow(int from, int64_t until, const struct run_for *limits) {
-    size_t room = limits->output;
+    uint64_t room = limits->output;
     char piece[PIECE];
 
     for (;;) {
@@ -51,9 +51,9 @@ static enum run_end follow(int from, int64_t until, const struct run_for *limits
             continue;
         if (got <= 0)
             return RUN_EXITED;
-        if ((size_t)got > room)
+        if ((uint64_t)got > room)
             return RUN_TOO_MUCH;
-        room -= (size_t)got;
+        room -= (uint64_t)got;
         if (!limits->take(limits->to, piece, (size_t)got))
             return RUN_NOT_WANTED;
     }
@@ -79,7 +79,7 @@ int run_program(const char *const *command, const struct run_for *limits, struct
         return -errno;
     pid_t child = fork();
     if (!child)
-        become(command, ends[1]);
+        become(command, ends[1], limits->apart);
     int error = child < 0 ? -errno : 0;
     close(ends[1]);
     if (!error) {

@@ -4,6 +4,7 @@
 
 #include <stdbool.h>
 #include <stddef.h>
+#include <stdint.h>
 
 enum run_end {
     RUN_EXITED,
@@ -20,16 +21,18 @@ struct run {
 
 struct run_for {
     unsigned seconds; /* then it is killed */
-    size_t output;    /* bytes; with more it is killed */
+    uint64_t output;  /* bytes; with more it is killed */
     int receiver;     /* socket: when its other end is closed, the program is killed; -1: none */
     bool (*take)(void *to, const char *bytes, size_t size); /* false: it is killed */
     void *to;
+    bool apart; /* its standard errors are those of this process, and no output */
 };
 
 /*
  * Run a program (its path, then its words, then NULL) without a shell, without input, with the environment PATH only,
- * in a session of its own. Its output, standard errors with it, goes to take() as it comes. At a limit all processes of
- * its session are killed; else those that it left behind go on. 0, or -errno: it was not started.
+ * in a session of its own. Its output, standard errors with it unless they are apart, goes to take() as it comes.
+ * At a limit all processes of its session are killed; else those that it left behind go on. 0, or -errno: it was not
+ * started.
  */
 int run_program(const char *const *command, const struct run_for *limits, struct run *run);
 

@@ -110,8 +110,13 @@ _Noreturn static void execute(const struct message_request *request, const struc
     char text[MESSAGE_TEXT + 1] = "";
 
     setsockopt(output, SOL_SOCKET, SO_SNDTIMEO, &patience, sizeof patience);
-    struct receiver receiver = {.socket = output, .needed = !order->whole};
-    const struct run_for limits = {order->seconds, order->output, order->whole ? -1 : output, pass_on, &receiver};
+    struct receiver receiver = {.socket = output, .needed = order->kind != ORDER_CHANGES};
+    const struct run_for limits = {.seconds = order->seconds,
+                                   .output = order->output,
+                                   .receiver = receiver.needed ? output : -1,
+                                   .take = pass_on,
+                                   .to = &receiver,
+                                   .apart = order->kind == ORDER_BYTES};
     int error = run_program(command, &limits, &run);
     const struct message_end end = {.mark = 'e',
                                     .end = error ? MESSAGE_NOT_STARTED : (uint8_t)run.end,
@@ -122,22 +127,29 @@ _Noreturn static void execute(const struct message_request *request, const struc
     _exit(send(output, &end, sizeof end, MSG_NOSIGNAL) < 0);
 }
 
-/* A free place for one more; NULL: as many as may run at a time do. Only these children are reaped here. */
-static pid_t *place(pid_t running[SERVE_ORDERS]) {
-    pid_t *free = NULL;
+struct running {
+    pid_t process; /* 0: free */
+    enum order_kind kind;
+};
 
-    for (pid_t *one = running; one < running + SERVE_ORDERS; one++) {
-        if (*one && waitpid(*one, NULL, WNOHANG) != 0)
-            *one = 0;
-        if (!*one)
+/* A free place for one more; NULL: as many as may run at a time do. Only these children are reaped here. */
+static struct running *place(struct running running[SERVE_ORDERS], enum order_kind kind) {
+    struct running *free = NULL;
+    unsigned others = 0;
+
+    for (struct running *one = running; one < running + SERVE_ORDERS; one++) {
+        if (one->process && waitpid(one->process, NULL, WNOHANG) != 0)
+            one->process = 0;
+        if (!one->process)
             free = one;
+        others += one->process && one->kind == ORDER_BYTES;
     }
-    return free;
+    return kind == ORDER_BYTES && others >= SERVE_BYTES ? NULL : free;
 }
 
 /* Starts an order; *fd is then the socket for its output, to be passed on and closed. */
 static struct message_answer start(const struct serve *serve, const struct message_request *request,
-                                   pid_t running[SERVE_ORDERS], int *fd) {
+                                   struct running running[SERVE_ORDERS], int *fd) {
     const char *words[MESSAGE_WORDS + 1], *command[ORDER_WORDS], *reason = "not words";
     const struct order *order = message_words(request, words) ? serve->find(words, command, &reason) : NULL;
     int ends[2];
@@ -146,9 +158,10 @@ static struct message_answer start(const struct serve *serve, const struct messa
         say("%s, session %u: refused: %s", request->address, request->session, reason);
         return refusal(400, reason);
     }
-    pid_t *process = place(running);
-    if (!process)
-        return refusal(409, "other orders are being executed");
+    struct running *free = place(running, order->kind);
+    if (!free)
+        return refusal(409, order->kind == ORDER_BYTES ? "two files are being fetched already"
+                                                       : "other orders are being executed");
     if (socketpair(AF_UNIX, SOCK_SEQPACKET | SOCK_CLOEXEC, 0, ends))
         return refusal(409, strerror(errno));
     pid_t child = fork();
@@ -162,7 +175,7 @@ static struct message_answer start(const struct serve *serve, const struct messa
         close(ends[0]);
         return refusal(409, strerror(errno));
     }
-    *process = child;
+    *free = (struct running){child, order->kind};
     *fd = ends[0];
     return (struct message_answer){.status = 200};
 }
@@ -189,7 +202,7 @@ static int wait_for(const struct serve *serve, int64_t heard) {
 
 int serve(const struct serve *serve) {
     static struct guesses guesses;
-    pid_t running[SERVE_ORDERS] = {0};
+    struct running running[SERVE_ORDERS] = {{0, ORDER_SHOWS}};
     int64_t heard = clock_ms();
 
     for (;;) {

@@ -5,6 +5,7 @@
 #include "order.h"
 
 #define SERVE_ORDERS 4 /* that run at a time */
+#define SERVE_BYTES 2  /* of these, ORDER_BYTES: they run for long, and the others shall find a place */
 #define SERVE_PARTS 2
 
 struct serve {

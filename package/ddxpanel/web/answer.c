@@ -23,6 +23,7 @@ static const struct {
     const char *text;
 } reasons[] = {{200, "OK"},
                {204, "No Content"},
+               {206, "Partial Content"},
                {301, "Moved Permanently"},
                {400, "Bad Request"},
                {401, "Unauthorized"},
@@ -30,6 +31,7 @@ static const struct {
                {404, "Not Found"},
                {405, "Not Allowed"},
                {413, "Content Too Large"},
+               {416, "Range Not Satisfiable"},
                {429, "Too Many Requests"}};
 
 static const char *reason(unsigned status) {
@@ -54,7 +56,7 @@ __attribute__((format(printf, 2, 3))) static void add(struct answer *answer, con
 static void begin(struct answer *answer, unsigned status, const char *type) {
     answer->size = 0;
     answer->order = -1;
-    answer->is_picture = false;
+    answer->is_picture = answer->is_download = false;
     add(answer, "Status: %u %s\r\nContent-Type: %s\r\nCache-Control: no-store\r\n", status, reason(status), type);
 }
 
@@ -117,13 +119,15 @@ static int log_in(struct visitors *visitors, const struct scgi *request, struct 
     return 0;
 }
 
-static int order(struct visitors *visitors, const struct scgi *request, unsigned session, struct answer *answer) {
+/* `text`: the words of an order, one a line. */
+static int order(struct visitors *visitors, const struct scgi *request, unsigned session, const char *text, size_t size,
+                 struct answer *answer) {
     struct message_request message = {.kind = MESSAGE_ORDER, .session = session};
     struct message_answer got;
     struct words words;
     int output;
 
-    if (words_split(&words, request->body, request->body_size) || !from(&message, request)) {
+    if (words_split(&words, text, size) || !from(&message, request)) {
         answer_refuse(answer, 400, "not words of an order");
         return 0;
     }
@@ -141,6 +145,53 @@ static int order(struct visitors *visitors, const struct scgi *request, unsigned
     add(answer, "\r\n");
     answer->order = output;
     return 0;
+}
+
+/* The order's output begins with the size of the file, which belongs into the headers: they follow with it. */
+static int download(struct visitors *visitors, const struct scgi *request, unsigned session, const char *text,
+                    struct answer *answer) {
+    const char *range = scgi_value(request, "HTTP_RANGE"), *if_range = scgi_value(request, "HTTP_IF_RANGE");
+    char words[DOWNLOAD_NAME + 64];
+    struct download wanted;
+
+    if (!download_parse(&wanted, text, range, if_range)) {
+        answer_refuse(answer, 400, "not a file");
+        return 0;
+    }
+    int size = snprintf(words, sizeof words, "recordings\nread\n%s\n%" PRIu64, wanted.name, wanted.first);
+    int error = order(visitors, request, session, words, (size_t)size, answer);
+    if (!error && answer->order >= 0) {
+        answer->size = 0;
+        answer->is_download = true;
+        answer->download = wanted;
+    }
+    return error;
+}
+
+bool answer_download(struct answer *answer, uint64_t size) {
+    struct download *wanted = &answer->download;
+    int order = answer->order;
+    bool good = download_limit(wanted, size);
+    unsigned status = !good ? 416 : wanted->is_part ? 206 : 200;
+
+    if (!good) {
+        begin(answer, status, TEXT);
+        add(answer, "Content-Range: bytes */%" PRIu64 "\r\n\r\nthe file ends before\n", size);
+    } else {
+        begin(answer, status, strstr(wanted->name, ".mp4") ? "video/mp4" : "application/octet-stream");
+        /* Otherwise lighttpd keeps the connection after a file that is cut off, and the browser waits for the rest. */
+        add(answer, "Connection: close\r\n");
+        add(answer, "Content-Length: %" PRIu64 "\r\nAccept-Ranges: bytes\r\nETag: \"%s\"\r\n",
+            wanted->last + 1 - wanted->first, wanted->name);
+        add(answer, "Content-Disposition: attachment; filename=\"%s\"\r\n", wanted->name);
+        if (wanted->is_part)
+            add(answer, "Content-Range: bytes %" PRIu64 "-%" PRIu64 "/%" PRIu64 "\r\n", wanted->first, wanted->last,
+                size);
+        add(answer, "\r\n");
+    }
+    answer->order = order;
+    answer->is_download = true;
+    return good;
 }
 
 static void log_out(struct visitors *visitors, unsigned session, struct answer *answer) {
@@ -161,7 +212,7 @@ static void lead_to_tls(const struct scgi *request, struct answer *answer) {
 void answer_picture(struct answer *answer, const struct picture_said *said, int64_t waited) {
     if (said->kind == PICTURE_NOTHING) {
         answer->size = 0;
-        answer->is_picture = false;
+        answer->is_picture = answer->is_download = false;
         add(answer, "Status: 204 %s\r\nCache-Control: no-store\r\n", reason(204));
     } else {
         begin(answer, 200, "image/jpeg");
@@ -182,19 +233,19 @@ static void picture(const char *text, struct answer *answer) {
     answer->is_picture = true;
 }
 
-enum path { PATH_LOGIN, PATH_LOGOUT, PATH_ORDER, PATH_SESSION, PATH_PICTURE, PATHS };
+enum path { PATH_LOGIN, PATH_LOGOUT, PATH_ORDER, PATH_SESSION, PATH_PICTURE, PATH_RECORDING, PATHS };
 
-/* The path of an address; for a picture, *rest is what follows. PATHS: there is no such one. */
+/* The path of an address; for a picture or a recording, *rest is what follows. PATHS: there is no such one. */
 static enum path find_path(const char *wanted, const char **rest) {
-    static const char *const paths[PATHS] = {"/panel/login", "/panel/logout", "/panel/order", "/panel/session",
-                                             "/panel/picture/"};
+    static const char *const paths[PATHS] = {"/panel/login",   "/panel/logout",   "/panel/order",
+                                             "/panel/session", "/panel/picture/", "/panel/recording/"};
     enum path path = 0;
 
     while (path < PATHS) {
         size_t length = strlen(paths[path]);
 
         *rest = wanted + length;
-        if (!strncmp(wanted, paths[path], length) && (path == PATH_PICTURE || !**rest))
+        if (!strncmp(wanted, paths[path], length) && (path >= PATH_PICTURE || !**rest))
             break;
         path++;
     }
@@ -212,7 +263,7 @@ int answer_request(struct visitors *visitors, const struct scgi *request, struct
         lead_to_tls(request, answer);
         return 0;
     }
-    unsigned refused = guard_request(request, hostname, path != PATH_SESSION && path != PATH_PICTURE);
+    unsigned refused = guard_request(request, hostname, path < PATH_SESSION || path == PATHS);
     if (refused || path == PATHS) {
         answer_refuse(answer, refused ? refused : 404, refused == 403 ? "not from this page" : "there is no such page");
         return 0;
@@ -225,7 +276,9 @@ int answer_request(struct visitors *visitors, const struct scgi *request, struct
         return 0;
     }
     if (path == PATH_ORDER)
-        return order(visitors, request, session, answer);
+        return order(visitors, request, session, request->body, request->body_size, answer);
+    if (path == PATH_RECORDING)
+        return download(visitors, request, session, rest, answer);
     if (path == PATH_LOGOUT) {
         log_out(visitors, session, answer);
         return 0;
@@ -235,6 +288,7 @@ int answer_request(struct visitors *visitors, const struct scgi *request, struct
         return 0;
     }
     begin(answer, 200, TEXT);
-    add(answer, "\r\n%s\n", hostname);
+    const char *address = scgi_value(request, "REMOTE_ADDR");
+    add(answer, "\r\n%s\n%s\n", hostname, address ? address : "");
     return 0;
 }

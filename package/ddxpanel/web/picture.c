@@ -5,37 +5,9 @@
 #include <stdlib.h>
 #include <string.h>
 
+#include "name.h"
+
 #define DEFAULT_QUALITY 6
-
-/* The value of a hexadecimal digit; -1: it is none. */
-static int digit(char c) {
-    static const char digits[] = "0123456789abcdef0123456789ABCDEF";
-    const char *at = c ? strchr(digits, c) : NULL;
-
-    return at ? (int)(at - digits) % 16 : -1;
-}
-
-/* Whether the first `size` bytes are an item's name, with %XX; writes the name. */
-static bool take_item(char item[PICTURE_ITEM + 1], const char *text, size_t size) {
-    size_t length = 0;
-
-    for (const char *at = text; at < text + size; at++) {
-        int c = (unsigned char)*at;
-
-        if (c == '%') {
-            int high = at + 2 < text + size ? digit(at[1]) : -1, low = high < 0 ? -1 : digit(at[2]);
-            if (low < 0)
-                return false;
-            c = 16 * high + low;
-            at += 2;
-        }
-        if (c <= ' ' || c > '~' || c == '/' || length == PICTURE_ITEM)
-            return false;
-        item[length++] = (char)c;
-    }
-    item[length] = 0;
-    return length > 0;
-}
 
 /* A number without sign, from `least` to `most`, that ends at '&' or with the text. */
 static bool take_number(uint64_t *value, const char *text, uint64_t least, uint64_t most) {
@@ -56,7 +28,7 @@ bool picture_parse(struct picture_wanted *wanted, const char *text) {
                  {"quality=", &quality, PICTURE_BEST, PICTURE_SMALLEST},
                  {"divisor=", &divisor, 1, 2}};
 
-    if (!take_item(wanted->item, text, size))
+    if (!name_parse(wanted->item, sizeof wanted->item, text, size))
         return false;
     text += size;
     while (*text) {

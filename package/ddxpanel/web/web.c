@@ -19,6 +19,7 @@
 #define VISITS 32         /* requests at a time; further ones wait in the listener's queue */
 #define PICTURES 16       /* of these, requests for pictures, so that orders always find a place */
 #define PATIENCE 10000    /* ms for a whole request, and for taking a piece of the answer */
+#define OUTAGE 70000      /* ms for taking a piece of a file; lighttpd gives the visitor 60 s */
 #define SIGN_OF_LIFE 3000 /* ms */
 #define END_TEXT 64       /* bytes of the line that follows the output of an order */
 
@@ -30,6 +31,8 @@ struct visit {
     size_t sent;   /* bytes of the answer */
     bool mid_line; /* the output so far does not end with a line feed */
     struct answer answer;
+    bool begun;              /* of a file, the size is known: */
+    uint64_t left;           /* bytes of it that are still to come */
     int64_t since;           /* it waits for a picture, answer.is_picture */
     struct picture *picture; /* that follows the answer; NULL: none */
 };
@@ -69,6 +72,10 @@ static bool more_of_request(struct visit *visit, struct visitors *visitors, int 
     return true;
 }
 
+static int64_t patience(const struct visit *visit) {
+    return visit->answer.is_download ? OUTAGE : PATIENCE;
+}
+
 static bool more_of_answer(struct visit *visit) {
     struct picture *picture = visit->picture;
     size_t head = visit->answer.size, size = head + (picture ? picture->said.size : 0), done = visit->sent;
@@ -83,37 +90,92 @@ static bool more_of_answer(struct visit *visit) {
     if (sent < 0)
         return errno == EAGAIN || errno == EINTR;
     visit->sent += (size_t)sent;
-    visit->until = clock_ms() + PATIENCE;
+    visit->until = clock_ms() + patience(visit);
     if (visit->sent < size)
         return true;
     visit->sent = visit->answer.size = 0;
     return visit->answer.order >= 0;
 }
 
-/* Only called when all former output was sent. The last line is the panel's own: how the order ended. */
-static void more_of_output(struct visit *visit) {
+static void stop_order(struct answer *answer) {
+    close(answer->order);
+    answer->order = -1;
+}
+
+/* The first output of an order that reads a file: headers, and what followed its size. */
+static void begin_file(struct visit *visit, const char *bytes, size_t count) {
+    struct answer *answer = &visit->answer;
+    uint64_t size;
+    size_t line = download_hear(&size, bytes, count);
+
+    if (!line || !answer_download(answer, size)) {
+        stop_order(answer);
+        if (!line)
+            refuse(visit, 404, "it cannot be read: it is not finished, or not there any more");
+        return;
+    }
+    visit->begun = true;
+    visit->left = answer->download.last + 1 - answer->download.first;
+    count -= line;
+    if (count > visit->left)
+        count = (size_t)visit->left;
+    memcpy(answer->text + answer->size, bytes + line, count);
+    answer->size += count;
+    visit->left -= count;
+}
+
+/*
+ * `count`: bytes of output; 0: the order has ended. False: that was all. If it was not, closing the connection lets the
+ * visitor's browser know, since it has the length.
+ */
+static bool more_of_file(struct visit *visit, const char *bytes, size_t count) {
+    struct answer *answer = &visit->answer;
+
+    if (!visit->begun) {
+        begin_file(visit, bytes, count);
+        return true;
+    }
+    if (!count || !visit->left)
+        return false;
+    answer->size = count < visit->left ? count : (size_t)visit->left;
+    memcpy(answer->text, bytes, answer->size);
+    visit->left -= answer->size;
+    return true;
+}
+
+/* The last line of an answer is the panel's own: how the order ended. */
+static void end_of_output(struct visit *visit, const struct message_end *how) {
     static const char *const ends[] = {"exited", "killed", "too long", "too much", "not wanted"};
+    const char *word = how->end < sizeof ends / sizeof ends[0] ? ends[how->end] : "not started";
+
+    visit->answer.size = (size_t)snprintf(visit->answer.text, END_TEXT, "%s{\"end\":\"%s\",\"status\":%d}\n",
+                                          visit->mid_line ? "\n" : "", word, how->status);
+    stop_order(&visit->answer);
+}
+
+/* Only called when all former output was sent. False: the visit is over. */
+static bool more_of_output(struct visit *visit) {
     struct message_end how = {.end = MESSAGE_NOT_STARTED, .status = -1};
     struct answer *answer = &visit->answer;
     char packet[1 + MESSAGE_PIECE];
     ssize_t got = recv(answer->order, packet, sizeof packet, MSG_DONTWAIT);
+    bool is_output = got > 1 && *packet == 'o';
 
     if (got < 0 && (errno == EAGAIN || errno == EINTR))
-        return;
-    if (got > 1 && *packet == 'o') {
+        return true;
+    visit->until = clock_ms() + patience(visit);
+    if (answer->is_download)
+        return more_of_file(visit, packet + 1, is_output ? (size_t)got - 1 : 0);
+    if (is_output) {
         answer->size = (size_t)got - 1;
         memcpy(answer->text, packet + 1, answer->size);
         visit->mid_line = answer->text[answer->size - 1] != '\n';
     } else {
         if (got == (ssize_t)sizeof how)
             memcpy(&how, packet, sizeof how);
-        const char *word = how.end < sizeof ends / sizeof ends[0] ? ends[how.end] : "not started";
-        answer->size = (size_t)snprintf(answer->text, END_TEXT, "%s{\"end\":\"%s\",\"status\":%d}\n",
-                                        visit->mid_line ? "\n" : "", word, how.status);
-        close(answer->order);
-        answer->order = -1;
+        end_of_output(visit, &how);
     }
-    visit->until = clock_ms() + PATIENCE;
+    return true;
 }
 
 static void begin(struct visit *visits, int listener) {
@@ -153,7 +215,7 @@ static int serve_visit(struct visit *visit, struct visitors *visitors, short con
         if (connection) /* nothing more is expected from it: the visitor has gone */
             goes_on = false;
         else if (output)
-            more_of_output(visit);
+            goes_on = more_of_output(visit);
     } else if (connection) {
         goes_on = visit->request ? more_of_request(visit, visitors, &error) : more_of_answer(visit);
     }
