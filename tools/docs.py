@@ -72,13 +72,14 @@ def panel_pictures(root: pathlib.Path) -> None:
     with scratch() as work, panel.filming(root, work / "machine") as robot:
         robot.sh("hostname robot1; ddxctl restart ddxpanel")
         robot.wait_until("ddxctl recordings | grep -q ' recording$'")
-        robot.sh("ddxctl record split")
+        robot.sh("ddxctl record split; ddxctl add ddxvideosend.laptop group=none to=127.0.0.1 port=8004")
         with panel.Visitor(robot, work / "browser", panel.certificate(robot)) as visitor:
             visitor.open()
             visitor.sees("document.getElementById('passphrase')")
             visitor.browser.screen(*PHONE)
             for name, ready in (("login", "Passphrase"), ("health", "checked now"), ("services", "ddxhealth"),
-                                ("picture", "a second"), ("recordings", "Copy to stick"), ("messages", "logged in"),
+                                ("picture", "a second"), ("recordings", "Copy to stick"),
+                                ("streams", "File for players"), ("messages", "logged in"),
                                 ("report", "Make the report"), ("machine", "Power off")):
                 if name != "login":
                     visitor.open(f"{panel.ADDRESS}#{name}{'/ddxpanel' if name == 'messages' else ''}")
