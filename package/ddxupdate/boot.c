@@ -9,7 +9,7 @@
 #include <unistd.h>
 
 #include "fat.h"
-#include "message.h"
+#include "place.h"
 
 #define GRUBENV "grub/grubenv"
 

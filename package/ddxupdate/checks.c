@@ -10,7 +10,7 @@
 #include <sys/file.h>
 #include <unistd.h>
 
-#include "message.h"
+#include "place.h"
 
 int check_machine(const struct place *place) {
     char reason[256];

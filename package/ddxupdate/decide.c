@@ -3,7 +3,7 @@
 
 #include "checks.h"
 #include "choose.h"
-#include "message.h"
+#include "place.h"
 #include "state.h"
 
 /* The block comes first: without it, `kept` would be a lie. After a power cut in between, the next boot adds the rest

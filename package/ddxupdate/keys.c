@@ -5,7 +5,7 @@
 #include <limits.h>
 #include <stdio.h>
 
-#include "message.h"
+#include "place.h"
 
 unsigned keys_read(const char *folder, struct update_key keys[KEYS_MAX]) {
     DIR *names = opendir(folder);

@@ -5,7 +5,7 @@
 #include <string.h>
 
 #include "command.h"
-#include "message.h"
+#include "place.h"
 
 static const char usage[] =
     "usage: ddxupdate [-root FOLDER] COMMAND [OPTION] BOOT [A B]\n"

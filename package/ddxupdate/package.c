@@ -6,7 +6,7 @@
 #include <sys/stat.h>
 #include <unistd.h>
 
-#include "message.h"
+#include "place.h"
 #include "ustar.h"
 
 enum { END_BLOCKS = 2, LAST_BLOCKS = 20 /* of an archive: tar pads to 10 KiB */ };

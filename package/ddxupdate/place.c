@@ -1,10 +1,15 @@
 /* SPDX-License-Identifier: GPL-2.0-or-later */
 #include "place.h"
 
+#include <stdarg.h>
 #include <stdio.h>
 #include <string.h>
 
-#include "line.h"
+const char *line_value(const char *line, const char *name) {
+    const size_t length = strlen(name);
+
+    return !strncmp(line, name, length) && line[length] == '=' ? line + length + 1 : NULL;
+}
 
 void place_path(const struct place *place, const char *name, char path[PATH_MAX]) {
     snprintf(path, PATH_MAX, "%s%s", place->root, name);
@@ -72,4 +77,19 @@ void place_note(const char *path, const char *text) {
         return;
     fprintf(file, "%s\n", text);
     fclose(file);
+}
+
+int fail(int result, const char *format, ...) {
+    char text[512];
+    va_list words;
+
+    va_start(words, format);
+    vsnprintf(text, sizeof text, format, words);
+    va_end(words);
+    /* A version or a name may come from an update file. */
+    for (char *at = text; *at; at++)
+        if ((unsigned char)*at < ' ' || *at == 0x7f)
+            *at = '?';
+    fprintf(stderr, "ddxupdate: %s\n", text);
+    return result;
 }

@@ -1,5 +1,5 @@
 /* SPDX-License-Identifier: GPL-2.0-or-later */
-/* The machine: its files, and how it was booted. */
+/* The machine: its files, and how it was booted; and messages for people. */
 #ifndef DDXUPDATE_PLACE_H
 #define DDXUPDATE_PLACE_H
 
@@ -28,5 +28,11 @@ bool place_line(const char *path, char *text, int size);
 
 /* Write a line to a new file, or to one that it replaces. */
 void place_note(const char *path, const char *text);
+
+/* The value in a line NAME=VALUE, up to the end of the text, if it is that of this name; else NULL. */
+const char *line_value(const char *line, const char *name);
+
+/* One line to stderr, "ddxupdate: <message>". Returns `result`. */
+__attribute__((format(printf, 2, 3))) int fail(int result, const char *format, ...);
 
 #endif

@@ -10,7 +10,7 @@
 #include <sys/stat.h>
 #include <unistd.h>
 
-#include "line.h"
+#include "place.h"
 
 /* The value of a line NAME=VALUE or NAME="VALUE". */
 static bool value_of(const char *line, const char *name, char value[RELEASE_WORD]) {

@@ -6,7 +6,7 @@
 #include "checks.h"
 #include "choose.h"
 #include "decide.h"
-#include "message.h"
+#include "place.h"
 #include "release.h"
 #include "state.h"
 

@@ -7,7 +7,7 @@
 #include <string.h>
 #include <unistd.h>
 
-#include "line.h"
+#include "place.h"
 
 #define FULL "make room and start again" /* a recorder's and a logger's last words on a full disk */
 enum { TAIL = 1024 /* bytes of a log: a few starts, each of which fails */ };

@@ -8,7 +8,7 @@
 #include <string.h>
 #include <unistd.h>
 
-#include "message.h"
+#include "place.h"
 
 enum {
     ALIGNED = 4096,

@@ -10,8 +10,7 @@
 #include <string.h>
 #include <unistd.h>
 
-#include "line.h"
-#include "message.h"
+#include "place.h"
 
 static bool is_set(const char *line, const struct state_line *lines, size_t count) {
     for (size_t i = 0; i < count; i++)

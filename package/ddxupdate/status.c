@@ -5,7 +5,7 @@
 #include <string.h>
 
 #include "choose.h"
-#include "message.h"
+#include "place.h"
 #include "release.h"
 #include "state.h"
 

@@ -10,8 +10,8 @@
 #include "choose.h"
 #include "decide.h"
 #include "judge.h"
-#include "message.h"
 #include "pace.h"
+#include "place.h"
 #include "rules.h"
 
 enum { SSH_EVERY = 6 /* looks: each one is a line in the server's log */ };

@@ -9,7 +9,7 @@
 #include <unistd.h>
 
 #include "command.h"
-#include "message.h"
+#include "place.h"
 #include "rules.h"
 
 int command_watchdog(const struct request *request) {

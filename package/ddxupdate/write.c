@@ -11,8 +11,8 @@
 
 #include "checks.h"
 #include "choose.h"
-#include "message.h"
 #include "package.h"
+#include "place.h"
 #include "slot.h"
 #include "state.h"
 
