@@ -3,7 +3,7 @@
 #ifndef DDXUPDATE_PACE_H
 #define DDXUPDATE_PACE_H
 
-#include "frames.h"
+#include "sight.h"
 
 struct pace {
     struct frames then; /* a look at the counters, at least a second before the next one */

@@ -3,9 +3,73 @@
 #ifndef DDXUPDATE_SIGHT_H
 #define DDXUPDATE_SIGHT_H
 
-#include "frames.h"
-#include "network.h"
-#include "services.h"
+#include <stdint.h>
+
+#include "place.h"
+
+enum { SERVICES_MAX = 48 };
+
+/* The services, as a trial sees them. */
+struct service {
+    char name[WORD_MAX];
+    bool enabled;       /* in its settings, when the list was written */
+    bool runs;          /* or has done its work, if that is what it is for */
+    bool misconfigured; /* it refused its settings */
+    bool stopped;       /* by a person, since then */
+    bool full;          /* a recorder or logger whose disk has no room: as in the version before */
+    unsigned restarts;  /* unwanted ones since the boot */
+};
+
+struct services {
+    struct service list[SERVICES_MAX];
+    unsigned count;
+};
+
+/* Read the list in /run/update.services, the lines of `control states`. */
+void services_read(const struct place *place, struct services *services);
+
+enum { COUNTERS_MAX = 16 };
+
+/* The frames of grabbers, recorders and loggers, by the counters that each program keeps in the store. */
+struct counter {
+    char name[WORD_MAX]; /* of the instance */
+    enum { GRABBER, RECORDER, LOGGER } kind;
+    uint64_t taken;   /* frames in */
+    uint64_t passed;  /* a grabber's frames in, a recorder's or logger's frames out */
+    uint64_t waiting; /* not on the disk yet */
+    uint64_t lost;    /* for any reason */
+};
+
+struct frames {
+    bool answered; /* the store has, within five seconds */
+    struct counter list[COUNTERS_MAX];
+    unsigned count;
+};
+
+void frames_look(struct frames *frames);
+
+/* The counters of an instance; NULL: there are none. */
+const struct counter *frames_find(const struct frames *frames, const char *name);
+
+enum { LINKS_MAX = 16, LINK_NAME = 16, SSH_PORT = 22 };
+
+/* Network interfaces, and whether the machine can be reached. */
+struct link {
+    char name[LINK_NAME];
+    bool carrier; /* a cable, or a wireless network */
+    bool address; /* IPv4, or IPv6 that is valid beyond the link */
+};
+
+struct network {
+    struct link list[LINKS_MAX];
+    unsigned count;
+};
+
+/* NULL if there is none of that name. */
+const struct link *network_find(const struct network *network, const char *name);
+
+/* Whether a server on this machine's port answers as SSH does. Waits at most five seconds. */
+bool ssh_answers(unsigned port);
 
 enum { WORDS_MAX = 2048 };
 
