@@ -33,7 +33,7 @@ CATALOG = TOP / "package/ddxcatalog"
 NETWORK = [CATALOG / f"network/{name}.c" for name in ("participant", "records", "stamps", "value")] + [
     CATALOG / f"wire/{name}.c" for name in ("bucket", "description", "name")]
 UPDATE = TOP / "package/ddxupdate"
-UPDATED = [f"{name}.c" for name in ("block", "fat", "manifest", "signature", "ustar")]
+UPDATED = [f"{name}.c" for name in ("block", "fat", "manifest", "place", "signature", "ustar")]
 # Sources of each target, below a package, and libraries.
 TARGETS: dict[str, tuple[pathlib.Path, list[str], list[str]]] = {
     "mcap": (LOG, MCAP, ["-lddx", "-llz4"]), "mp4": (VIDEO, MP4, ["-lddx"]), "panel": (PANEL, REQUEST, []),

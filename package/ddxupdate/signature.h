@@ -28,4 +28,12 @@ const char *signature_parse(const char *text, size_t size, struct signature *sig
 /* Whether the key has signed the message. */
 bool signature_fits(const struct signature *signature, const struct update_key *key, const void *message, size_t size);
 
+enum { KEYS_MAX = 32 };
+
+/*
+ * Read the keys that this image trusts: the files in this folder, /etc/ddx/update-keys. A key is revoked by leaving it
+ * out of an image. A file that is no key is reported and left out. Returns the number of keys.
+ */
+unsigned keys_read(const char *folder, struct update_key keys[KEYS_MAX]);
+
 #endif

@@ -18,10 +18,10 @@
 
 #include "checks.h"
 #include "choose.h"
-#include "keys.h"
 #include "manifest.h"
 #include "pace.h"
 #include "place.h"
+#include "signature.h"
 #include "state.h"
 #include "ustar.h"
 
