@@ -3,8 +3,6 @@
 #include <stdio.h>
 #include <string.h>
 
-#include "checks.h"
-#include "choose.h"
 #include "decide.h"
 #include "place.h"
 #include "release.h"

@@ -3,12 +3,9 @@
  * comes before the block, in one write each. */
 #include <stdio.h>
 
-#include "checks.h"
-#include "choose.h"
 #include "decide.h"
 #include "pace.h"
 #include "place.h"
-#include "rules.h"
 #include "sight.h"
 #include "state.h"
 

@@ -4,7 +4,7 @@
 #include <stdio.h>
 #include <string.h>
 
-#include "choose.h"
+#include "decide.h"
 #include "place.h"
 #include "release.h"
 #include "state.h"

@@ -8,12 +8,9 @@
 #include <stdio.h>
 #include <string.h>
 
-#include "checks.h"
-#include "choose.h"
 #include "decide.h"
 #include "pace.h"
 #include "place.h"
-#include "rules.h"
 #include "sight.h"
 
 enum { REASON_MAX = 200 };

@@ -9,8 +9,8 @@
 #include <unistd.h>
 
 #include "command.h"
+#include "decide.h"
 #include "place.h"
-#include "rules.h"
 
 int command_watchdog(const struct request *request) {
     struct rules rules;

@@ -16,8 +16,7 @@
 #include <sys/stat.h>
 #include <unistd.h>
 
-#include "checks.h"
-#include "choose.h"
+#include "decide.h"
 #include "manifest.h"
 #include "pace.h"
 #include "place.h"
