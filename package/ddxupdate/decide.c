@@ -94,7 +94,7 @@ void rules_read(struct rules *rules, const struct place *place) {
 }
 
 /* The block comes first: without it, `kept` would be a lie. After a power cut in between, the next boot adds the rest
- * (came_up.c). */
+ * (boot.c). */
 int keep(const struct request *request) {
     const struct place *place = &request->place;
     const char here[] = {place->here, 0};

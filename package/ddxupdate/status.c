@@ -16,7 +16,7 @@ struct answer {
     char tried[WORD_MAX], result[WORD_MAX], reason[256], progress[256];
 };
 
-/* How the slot of the last `start` or `back` fared. A trial may be over without a note, see came_up.c and return.c. */
+/* How the slot of the last `start` or `back` fared. A trial may be over without a note, see boot.c and start.c. */
 static const char *result(const struct request *request, const struct answer *answer) {
     const char tried = answer->tried[0];
 
