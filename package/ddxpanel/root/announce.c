@@ -2,17 +2,80 @@
 #include "announce.h"
 
 #include <errno.h>
+#include <ifaddrs.h>
+#include <linux/netlink.h>
+#include <linux/rtnetlink.h>
+#include <net/if.h>
+#include <netinet/in.h>
 #include <signal.h>
+#include <stddef.h>
 #include <stdio.h>
 #include <string.h>
 #include <sys/epoll.h>
+#include <sys/socket.h>
 #include <sys/syscall.h>
 #include <sys/timerfd.h>
 #include <sys/wait.h>
 #include <unistd.h>
 
-#include "address.h"
 #include "clock.h"
+
+/* The addresses of this machine, and their changes. The sum is FNV-1a, 64 bits. */
+#define SUM_BEGIN 0xcbf29ce484222325u
+#define SUM_PRIME 0x100000001b3u
+
+/* A socket that is readable after the kernel has changed addresses or interfaces; or -errno. */
+static int address_watch(void) {
+    const struct sockaddr_nl groups = {.nl_family = AF_NETLINK,
+                                       .nl_groups = RTMGRP_LINK | RTMGRP_IPV4_IFADDR | RTMGRP_IPV6_IFADDR};
+    int fd = socket(AF_NETLINK, SOCK_RAW | SOCK_CLOEXEC | SOCK_NONBLOCK, NETLINK_ROUTE);
+
+    if (fd < 0)
+        return -errno;
+    if (!bind(fd, (const struct sockaddr *)&groups, sizeof groups))
+        return fd;
+    int error = -errno;
+    close(fd);
+    return error;
+}
+
+/* Forget the changes that wait at the socket. What they were is not read: address_sum() looks itself. */
+static void address_forget(int watch) {
+    char some[64];
+
+    /* ENOBUFS: more changes than the socket had room for, which is a change, too. */
+    while (recv(watch, some, sizeof some, MSG_TRUNC) > 0 || errno == ENOBUFS || errno == EINTR)
+        errno = 0;
+}
+
+static uint64_t add(uint64_t sum, const void *bytes, size_t size) {
+    for (const unsigned char *byte = bytes; size; size--)
+        sum = (sum ^ *byte++) * SUM_PRIME;
+    return sum;
+}
+
+/*
+ * A number for the present set of addresses, with their interfaces: another set has another one. 0: there are none but
+ * those of the loopback and of interfaces that are down.
+ */
+static uint64_t address_sum(void) {
+    struct ifaddrs *all;
+    uint64_t sum = 0;
+
+    if (getifaddrs(&all))
+        return 0;
+    for (const struct ifaddrs *one = all; one; one = one->ifa_next) {
+        if (!one->ifa_addr || (one->ifa_flags & IFF_LOOPBACK) || !(one->ifa_flags & IFF_UP))
+            continue;
+        uint64_t own = add(SUM_BEGIN, one->ifa_name, strlen(one->ifa_name));
+        if (one->ifa_addr->sa_family == AF_INET)
+            sum += add(own, &((const struct sockaddr_in *)(const void *)one->ifa_addr)->sin_addr, 4);
+        else if (one->ifa_addr->sa_family == AF_INET6)
+            sum += add(own, &((const struct sockaddr_in6 *)(const void *)one->ifa_addr)->sin6_addr, 16);
+    }
+    freeifaddrs(all);
+    return sum;
+}
 
 #define SETTLE 1000     /* ms: changes come together, the address of each kind by itself */
 #define PAUSE 1000      /* ms before mdnsd is started again, the first time, then twice as long */
