@@ -7,8 +7,8 @@
 #include <stddef.h>
 #include <stdint.h>
 
-#include "as_420.h"
 #include "paint.h"
+#include "picture_convert.h"
 #include "program.h"
 #include "surface.h"
 #include "watch.h"

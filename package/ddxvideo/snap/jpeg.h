@@ -3,8 +3,8 @@
 #ifndef DDXVIDEO_JPEG_H
 #define DDXVIDEO_JPEG_H
 
-#include <as_420.h>
 #include <ddxvideo.h>
+#include <picture_convert.h>
 
 struct AVCodecContext;
 struct AVFrame;

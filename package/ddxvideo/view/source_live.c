@@ -6,8 +6,8 @@
 #include <stdlib.h>
 #include <string.h>
 
-#include "as_420.h"
 #include "history.h"
+#include "picture_convert.h"
 #include "program.h"
 #include "range.h"
 #include "source.h"

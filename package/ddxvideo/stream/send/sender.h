@@ -4,9 +4,9 @@
 #define DDXVIDEO_SENDER_H
 
 #include "announce.h"
-#include "as_420.h"
 #include "counters.h"
 #include "encoder.h"
+#include "picture_convert.h"
 #include "post.h"
 #include "program.h"
 #include "ts.h"
