@@ -16,7 +16,6 @@
 #include "order.h"
 #include "picture.h"
 #include "session.h"
-#include "words.h"
 
 int LLVMFuzzerTestOneInput(const uint8_t *data, size_t size);
 

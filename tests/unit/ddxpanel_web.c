@@ -6,7 +6,6 @@
 #include "picture.h"
 #include "scgi.h"
 #include "session.h"
-#include "words.h"
 
 #include <errno.h>
 #include <stdbool.h>

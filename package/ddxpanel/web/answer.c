@@ -11,7 +11,7 @@
 
 #include "clock.h"
 #include "guard.h"
-#include "words.h"
+#include "scgi.h"
 
 #define COOKIE "__Host-panel"
 #define TEXT "text/plain; charset=utf-8"

@@ -3,7 +3,7 @@
 
 #include <string.h>
 
-#include "name.h"
+#include "scgi.h"
 
 #define DIGITS 18 /* of a number that surely fits */
 

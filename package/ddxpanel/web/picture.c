@@ -5,7 +5,7 @@
 #include <stdlib.h>
 #include <string.h>
 
-#include "name.h"
+#include "scgi.h"
 
 #define DEFAULT_QUALITY 6
 

@@ -2,7 +2,6 @@
 #include "scgi.h"
 
 #include <errno.h>
-#include <stdbool.h>
 #include <string.h>
 
 /* A number without sign or leading zeros, of at most eight digits. The end of its digits; NULL: not a number. */
@@ -91,4 +90,53 @@ const char *scgi_cookie(const char *cookies, const char *name, size_t *size) {
         at += strspn(at, "; ");
     }
     return found;
+}
+
+int words_split(struct words *words, const char *text, size_t size) {
+    *words = (struct words){.count = 0};
+    for (const char *end = text + size, *next; text < end; text = next) {
+        const char *feed = memchr(text, '\n', (size_t)(end - text));
+        size_t length = (size_t)((feed ? feed : end) - text);
+
+        next = feed ? feed + 1 : end;
+        if (!length)
+            return -EINVAL;
+        for (size_t i = 0; i < length; i++)
+            if (text[i] < ' ' || text[i] > '~')
+                return -EINVAL;
+        if (words->count == WORDS_MAX || length >= WORDS_SIZE - words->size)
+            return -E2BIG;
+        words->word[words->count++] = memcpy(words->text + words->size, text, length);
+        words->size += length + 1;
+    }
+    return words->count ? 0 : -EINVAL;
+}
+
+/* The value of a hexadecimal digit; -1: it is none. */
+static int digit(char c) {
+    static const char digits[] = "0123456789abcdef0123456789ABCDEF";
+    const char *at = c ? strchr(digits, c) : NULL;
+
+    return at ? (int)(at - digits) % 16 : -1;
+}
+
+bool name_parse(char *name, size_t room, const char *text, size_t size) {
+    size_t length = 0;
+
+    for (const char *at = text; at < text + size; at++) {
+        int c = (unsigned char)*at;
+
+        if (c == '%') {
+            int high = at + 2 < text + size ? digit(at[1]) : -1, low = high < 0 ? -1 : digit(at[2]);
+            if (low < 0)
+                return false;
+            c = 16 * high + low;
+            at += 2;
+        }
+        if (c <= ' ' || c > '~' || c == '/' || length + 1 >= room)
+            return false;
+        name[length++] = (char)c;
+    }
+    name[length] = 0;
+    return length > 0;
 }
