@@ -27,7 +27,7 @@ MCAP = [f"mcap/{name}.c" for name in ("bytes", "read", "reader")] + [
     str(TOP / f"package/ddx/{name}.c") for name in ("form/form", "form/schema", "lib/type_parse")]
 PANEL = TOP / "package/ddxpanel"
 REQUEST = ["common/message.c", "common/secret.c", "root/order.c",
-           *(f"web/{name}.c" for name in ("download", "guard", "picture", "scgi", "session"))]
+           *(f"web/{name}.c" for name in ("download", "guard", "picture", "scgi"))]
 CATALOG = TOP / "package/ddxcatalog"
 NETWORK = [CATALOG / f"network/{name}.c" for name in ("participant", "records", "stamps", "value")] + [
     CATALOG / f"wire/{name}.c" for name in ("bucket", "description", "name")]

@@ -15,7 +15,6 @@
 #include "message.h"
 #include "order.h"
 #include "picture.h"
-#include "session.h"
 
 int LLVMFuzzerTestOneInput(const uint8_t *data, size_t size);
 

@@ -5,7 +5,6 @@
 #include "guard.h"
 #include "picture.h"
 #include "scgi.h"
-#include "session.h"
 
 #include <errno.h>
 #include <stdbool.h>

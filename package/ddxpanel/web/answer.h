@@ -6,10 +6,10 @@
 #include <stddef.h>
 
 #include "download.h"
+#include "guard.h"
 #include "message.h"
 #include "picture.h"
 #include "scgi.h"
-#include "session.h"
 
 #define ANSWER_TEXT \
     (MESSAGE_PIECE + 1024) /* headers and a short body, or a piece of output and what follows the last */
