@@ -59,24 +59,13 @@ void view_name(struct view *view);
 /* Whether a live source has given no picture for long. */
 bool view_is_stalled(struct view *view);
 
-/* ---- control.c: chooses the frame to show, by keys and by time ---- */
-
-void control_pause(struct view *view);
-/* Pause, and step by this number of frames, forward or back. */
-void control_step(struct view *view, int frames);
-void control_seconds(struct view *view, int seconds);
-/* Go to the oldest (-1) or the newest (1) frame. */
-void control_end(struct view *view, int direction);
-/* Open the next (1) or previous (-1) video item of the store. */
-void control_item(struct view *view, int direction);
+/* ---- control.c: keys and pointer, and the frame to show ---- */
 
 /* Show the frame that is due now. */
 void control_advance(struct view *view);
 
 /* ms until the next frame of a file is due; at most `most`. */
 int control_wait(struct view *view, int most);
-
-/* ---- input.c: keys and pointer ---- */
 
 void input_handle(struct view *view, const struct surface_event *event);
 
