@@ -14,7 +14,7 @@
 #include "bytes.h"
 #include "ddx_time.h"
 #include "find.h"
-#include "free_space.h"
+#include "pool_files.h"
 #include "program.h"
 #include "verify.h"
 

@@ -6,8 +6,8 @@
 #include <time.h>
 
 #include "ddx_time.h"
+#include "pool_files.h"
 #include "program.h"
-#include "free_space.h"
 
 #define RATE_PERIOD (5 * SECOND)
 

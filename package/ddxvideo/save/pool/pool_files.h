@@ -1,5 +1,5 @@
 /* SPDX-License-Identifier: GPL-2.0-or-later */
-/* The pool's files: names, headers, search. */
+/* The pool's files: names, headers, search, and the space for more. */
 #ifndef DDXVIDEO_POOL_FILES_H
 #define DDXVIDEO_POOL_FILES_H
 
@@ -132,5 +132,16 @@ void pool_release(struct pool_file *file);
 
 /* Close the file as free: nothing was recorded. */
 void pool_give_back(struct pool_file *file);
+
+/* How much more can be recorded. */
+struct free_space {
+    uint64_t free;     /* free bytes of the file system */
+    uint64_t usable;   /* bytes for recordings: of the free ones, and of the pool's files without a recording */
+    uint64_t prepared; /* bytes of these files of the pool, which are not free */
+    uint32_t ready;    /* prepared files of the pool, including one that has just been begun */
+};
+
+/* For a folder, or the file system of a file. Takes no lock, and waits for nothing but the disk. 0 or -errno. */
+int free_space_look(const char *place, struct free_space *room);
 
 #endif
