@@ -10,7 +10,6 @@
 #include "clip.h"
 #include "h264_encode.h"
 #include "mp4_read.h"
-#include "mp4_times.h"
 #include "mp4_write.h"
 #include "stamp.h"
 #include "video_layout.h"

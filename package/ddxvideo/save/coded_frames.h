@@ -6,7 +6,6 @@
 #include <sys/uio.h>
 
 #include "h264_encode.h"
-#include "mp4_times.h"
 #include "mp4_write.h"
 #include "stamp.h"
 

@@ -7,7 +7,6 @@
 #include <unistd.h>
 
 #include "mp4_read.h"
-#include "mp4_times.h"
 
 struct mp4_entry *index_mp4_entries(const struct index_file *index, uint32_t frames) {
     struct mp4_times times = {.begun = false};
