@@ -23,7 +23,7 @@
 
 #include "announce.h"
 #include "clock.h"
-#include "link.h"
+#include "login.h"
 #include "order.h"
 #include "part.h"
 #include "run.h"

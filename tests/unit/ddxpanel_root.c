@@ -1,8 +1,7 @@
 /* SPDX-License-Identifier: GPL-2.0-or-later */
 /* The panel's root process: which orders it executes, how it runs them, and limits of guesses. */
 #include "check.h"
-#include "guess.h"
-#include "link.h"
+#include "login.h"
 #include "order.h"
 #include "run.h"
 

@@ -2,7 +2,7 @@
 /* The panel's process of root, by what it receives from the web process: any bytes, logins, orders. */
 #include "serve.h"
 #include "check.h"
-#include "link.h"
+#include "login.h"
 #include "message.h"
 
 #include <errno.h>

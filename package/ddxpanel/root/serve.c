@@ -12,8 +12,7 @@
 #include <unistd.h>
 
 #include "clock.h"
-#include "guess.h"
-#include "link.h"
+#include "login.h"
 #include "message.h"
 #include "run.h"
 #include "secret.h"

@@ -11,7 +11,7 @@
 struct serve {
     int web;                /* socket of the web process */
     const char *passphrase; /* NULL: no login by passphrase */
-    const char *link;       /* file of a link, see link.h; NULL: no login by link */
+    const char *link;       /* file of a link, see login.h; NULL: no login by link */
     unsigned silence;       /* s without a sign of life of the web process, then it counts as hung; 0: for ever */
     int part[SERVE_PARTS]; /* process file descriptors of other processes without which the panel has no use; 0: none */
     int also;              /* another descriptor, and what is done when it is readable */

@@ -1,7 +1,7 @@
 /* SPDX-License-Identifier: GPL-2.0-or-later */
 /*
- * A request of the web server (SCGI): headers as one netstring, then the body; and what is in them. The
- * bytes come from the network, through lighttpd.
+ * A request of the web server (SCGI): headers as one netstring, then the body; and what is in them. The bytes come
+ * from the network, through lighttpd.
  */
 #ifndef DDXPANEL_SCGI_H
 #define DDXPANEL_SCGI_H
