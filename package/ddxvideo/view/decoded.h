@@ -8,7 +8,7 @@
 
 #include "frames.h"
 #include "h264_decode.h"
-#include "shot.h"
+#include "history.h"
 
 struct decoded {
     struct ddxvideo_geometry geometry; /* of the pictures */

@@ -7,7 +7,7 @@
 #ifndef DDXVIDEO_SOURCE_H
 #define DDXVIDEO_SOURCE_H
 
-#include "shot.h"
+#include "history.h"
 
 struct surface;
 
