@@ -53,6 +53,9 @@ def test_steps(desk: Desk, display: Display, recording: pathlib.Path, memory: st
     check(window.press("s", "Right"), 18, "PAUSED")
     check(window.press("Home", *["period"] * 11), 11, "PAUSED")
     check(window.press("Left", "comma", "comma"), 0, "PAUSED")
+    check(window.press("End", "Left", "period"), 20, "PAUSED")
+    check(window.press("Left", "End", "Left", "comma", "period", "period", "period"), 21, "PAUSED")
+    check(window.press("Home", *["period"] * 8, "Right", *["period"] * 3), 21, "PAUSED")
     window.close()
     assert result(window.process)[0] == 0
     if memory == "1M":

@@ -121,7 +121,7 @@ static enum clip_result open_mp4(struct clip *clip, int fd, int format) {
     if (error)
         return fail(clip, error == -EBADMSG ? CLIP_BAD : CLIP_ERROR, "%s",
                     error == -EBADMSG ? MP4_FOREIGN : strerror(-error));
-    error = h264_decoder_open(&clip->mp4->decoder, &clip->mp4->file.format);
+    error = h264_decoder_open(&clip->mp4->decoder, &clip->mp4->file.format, 1);
     if (error)
         return fail(clip, error == -EBADMSG ? CLIP_BAD : CLIP_ERROR, "%s", h264_decoder_error(error));
     return look_at_first(clip, format);

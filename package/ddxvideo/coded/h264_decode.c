@@ -25,7 +25,7 @@ static int take_sets(AVCodecContext *codec, const struct mp4_format *format) {
     return 0;
 }
 
-int h264_decoder_open(struct h264_decoder *decoder, const struct mp4_format *format) {
+int h264_decoder_open(struct h264_decoder *decoder, const struct mp4_format *format, int threads) {
     const AVCodec *codec = avcodec_find_decoder(AV_CODEC_ID_H264);
 
     *decoder = (struct h264_decoder){
@@ -36,7 +36,8 @@ int h264_decoder_open(struct h264_decoder *decoder, const struct mp4_format *for
     if (!decoder->packet || !decoder->frame || !context || take_sets(context, format))
         return -ENOMEM;
     context->max_pixels = (int64_t)format->width * format->height + ROUNDED;
-    context->thread_count = 1;
+    context->thread_count = threads;
+    context->thread_type = FF_THREAD_FRAME;
     context->flags |= AV_CODEC_FLAG_LOW_DELAY;
     context->flags2 |= AV_CODEC_FLAG2_SHOW_ALL;
     context->err_recognition = AV_EF_CRCCHECK | AV_EF_BITSTREAM | AV_EF_BUFFER | AV_EF_EXPLODE;
@@ -82,13 +83,18 @@ static bool fits(const AVFrame *frame, const struct ddxvideo_geometry *geometry)
            (frame->format == formats[chroma][0] || frame->format == formats[chroma][1]);
 }
 
+/* Whether the decoded picture is undamaged. */
+static bool is_good(const struct h264_decoder *decoder) {
+    return !decoder->frame->decode_error_flags && !(decoder->frame->flags & AV_FRAME_FLAG_CORRUPT) &&
+           fits(decoder->frame, &decoder->geometry);
+}
+
 static bool decode(struct h264_decoder *decoder) {
     int error = avcodec_send_packet(decoder->codec, decoder->packet);
 
     if (!error)
         error = avcodec_receive_frame(decoder->codec, decoder->frame);
-    if (!error && !decoder->frame->decode_error_flags && !(decoder->frame->flags & AV_FRAME_FLAG_CORRUPT) &&
-        fits(decoder->frame, &decoder->geometry))
+    if (!error && is_good(decoder))
         return true;
     while (!avcodec_receive_frame(decoder->codec, decoder->frame))
         continue;
@@ -104,6 +110,20 @@ bool h264_decode(struct h264_decoder *decoder, bool key, struct stamp *stamp) {
         avcodec_flush_buffers(decoder->codec);
     decoder->waits = (decoder->waits && !key) || !stamped || !decode(decoder);
     return !decoder->waits;
+}
+
+bool h264_decode_many(struct h264_decoder *decoder, bool last, bool (*take)(void *argument), void *argument) {
+    struct stamp stamp;
+
+    if (!stamp_read(decoder->packet->data, (size_t)decoder->packet->size, &stamp))
+        return false;
+    int error = avcodec_send_packet(decoder->codec, decoder->packet);
+    if (!error && last)
+        error = avcodec_send_packet(decoder->codec, NULL);
+    while (!error && !(error = avcodec_receive_frame(decoder->codec, decoder->frame)))
+        if (!is_good(decoder) || !take(argument))
+            return false;
+    return error == (last ? AVERROR_EOF : AVERROR(EAGAIN));
 }
 
 void h264_decoder_rewind(struct h264_decoder *decoder) {

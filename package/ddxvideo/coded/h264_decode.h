@@ -17,8 +17,11 @@ struct h264_decoder {
     bool waits; /* a frame was damaged: the next ones refer to it, up to a key frame */
 };
 
-/* 0; -ENOMEM; -ENOSYS: libavcodec has no H.264; -EBADMSG: bad parameter sets. Close it in any case. */
-int h264_decoder_open(struct h264_decoder *decoder, const struct mp4_format *format);
+/*
+ * 0; -ENOMEM; -ENOSYS: libavcodec has no H.264; -EBADMSG: bad parameter sets. Close it in any case. With several
+ * threads: for h264_decode_many() only.
+ */
+int h264_decoder_open(struct h264_decoder *decoder, const struct mp4_format *format, int threads);
 /* The text of such an error. */
 const char *h264_decoder_error(int error);
 void h264_decoder_close(struct h264_decoder *decoder);
@@ -34,6 +37,13 @@ bool h264_decoder_look(struct h264_decoder *decoder, const struct mp4_format *fo
  * -1 if it has none.
  */
 bool h264_decode(struct h264_decoder *decoder, bool key, struct stamp *stamp);
+
+/*
+ * Decode the frame whose bytes are in the room beside others, in several threads: `take` is called for each picture
+ * that is done, in the order of the frames; with `last` for all of them. False: one is damaged, or `take` returned
+ * false. Before a key frame that does not follow, call h264_decoder_rewind().
+ */
+bool h264_decode_many(struct h264_decoder *decoder, bool last, bool (*take)(void *argument), void *argument);
 
 /* Start at a key frame again. */
 void h264_decoder_rewind(struct h264_decoder *decoder);

@@ -7,6 +7,7 @@
 #include <stdlib.h>
 #include <string.h>
 #include <sys/uio.h>
+#include <unistd.h>
 
 #include "mp4_read.h"
 #include "video_layout.h"
@@ -46,12 +47,12 @@ static bool look(struct decoded *decoded, struct mp4_file *file, char *wrong) {
 bool decoded_open(struct decoded *decoded, int fd, struct shot_pool *pool, uint64_t limit, char *wrong) {
     struct mp4_file file;
 
-    *decoded = (struct decoded){.fd = fd, .pool = pool, .last = -1, .damaged = -1};
+    *decoded = (struct decoded){.fd = fd, .pool = pool, .last = -1, .damaged = -1, .behind = -1};
     int error = mp4_open(&file, fd);
     if (error)
         return fail(wrong, "%s", error == -EBADMSG ? MP4_FOREIGN : strerror(-error));
     decoded->format = file.format;
-    error = h264_decoder_open(&decoded->decoder, &file.format);
+    error = h264_decoder_open(&decoded->decoder, &file.format, 1);
     if (error)
         return fail(wrong, "%s", h264_decoder_error(error));
     if (!look(decoded, &file, wrong))
@@ -78,6 +79,7 @@ static void restart(struct decoded *decoded, int64_t position) {
     drop_early(decoded);
     drop(decoded, decoded->first, decoded->next);
     decoded->first = decoded->next = decoded->at = position;
+    decoded->behind = -1;
 }
 
 void decoded_close(struct decoded *decoded) {
@@ -85,6 +87,7 @@ void decoded_close(struct decoded *decoded) {
     free(decoded->kept);
     h264_decoder_close(&decoded->decoder);
     h264_decoder_close(&decoded->early);
+    h264_decoder_close(&decoded->leap);
 }
 
 /* ---- One frame ---- */
@@ -108,11 +111,21 @@ static bool read_frame(const struct decoded *decoded, struct h264_decoder *decod
            fail(wrong, "frame %d: damaged", entry->number);
 }
 
+/* Copy a decoder's picture. */
+static void fill(const struct decoded *decoded, const struct h264_decoder *decoder, struct shot *shot) {
+    unsigned char *planes[3];
+
+    shot->picture.geometry = decoded->geometry;
+    video_layout_place(&shot->picture, shot->memory);
+    for (int i = 0; i < 3; i++)
+        planes[i] = shot->memory + (shot->picture.plane[i] ? shot->picture.plane[i] - shot->picture.plane[0] : 0);
+    h264_decoder_copy(decoder, planes);
+}
+
 /* The next picture of a decoder. NULL: `damaged` is set, or there is a text. */
 static struct shot *decode(struct decoded *decoded, struct h264_decoder *decoder, const struct frames *frames,
                            int64_t position, char *wrong) {
     const struct frames_entry *entry = &frames->entry[position];
-    unsigned char *planes[3];
     struct stamp stamp;
     struct shot *shot = shot_new(decoded->pool, decoded->picture);
 
@@ -127,11 +140,7 @@ static struct shot *decode(struct decoded *decoded, struct h264_decoder *decoder
         decoded->damaged = position;
         return NULL;
     }
-    shot->picture.geometry = decoded->geometry;
-    video_layout_place(&shot->picture, shot->memory);
-    for (int i = 0; i < 3; i++)
-        planes[i] = shot->memory + (shot->picture.plane[i] ? shot->picture.plane[i] - shot->picture.plane[0] : 0);
-    h264_decoder_copy(decoder, planes);
+    fill(decoded, decoder, shot);
     return shot;
 }
 
@@ -148,12 +157,73 @@ static bool refers_to_damaged(const struct decoded *decoded, int64_t key, int64_
     return decoded->damaged >= key && decoded->damaged <= position;
 }
 
+/* ---- Jumps ---- */
+
+#define LEAP 4 /* frames beside the wanted one: fewer are decoded as soon by one thread */
+#define THREADS_MAX 4
+
+static bool open_leap(struct decoded *decoded) {
+    long processors = sysconf(_SC_NPROCESSORS_ONLN);
+    int threads = processors < THREADS_MAX ? (int)processors : THREADS_MAX;
+
+    if (!decoded->has_leap && threads > 1) {
+        decoded->has_leap = !h264_decoder_open(&decoded->leap, &decoded->format, threads);
+        decoded->leap.geometry = decoded->geometry;
+    }
+    return decoded->has_leap;
+}
+
+static bool keep(void *argument) {
+    struct decoded *decoded = argument;
+    struct shot *shot = shot_new(decoded->pool, decoded->picture);
+
+    if (!shot)
+        return false;
+    fill(decoded, &decoded->leap, shot);
+    decoded->kept[decoded->next++ % decoded->capacity] = shot;
+    return true;
+}
+
+/*
+ * Decode up to a position in several threads. False: there are too few frames, or one is damaged, which `decoder` finds
+ * out exactly.
+ */
+static bool leap(struct decoded *decoded, const struct frames *frames, int64_t key, int64_t position) {
+    char wrong[Y4M_ERROR_MAX];
+    bool good = position - key >= LEAP && position - key < decoded->capacity && open_leap(decoded);
+
+    if (!good)
+        return false;
+    restart(decoded, key);
+    h264_decoder_rewind(&decoded->leap);
+    for (int64_t at = key; good && at <= position; at++)
+        good = read_frame(decoded, &decoded->leap, &frames->entry[at], wrong) &&
+               h264_decode_many(&decoded->leap, at == position, keep, decoded);
+    decoded->at = -1;
+    decoded->behind = key;
+    return good && decoded->next == position + 1;
+}
+
+/* After a jump: `decoder` decodes one of the frames as well, so that it can go on with the next one. */
+static void follow(struct decoded *decoded, const struct frames *frames) {
+    const struct frames_entry *entry = &frames->entry[decoded->behind];
+    char wrong[Y4M_ERROR_MAX];
+    struct stamp stamp;
+
+    if (!read_frame(decoded, &decoded->decoder, entry, wrong) || !h264_decode(&decoded->decoder, entry->key, &stamp)) {
+        decoded->behind = -1; /* the next frame is decoded from its key frame on, which reports why */
+    } else if (++decoded->behind >= decoded->next) {
+        decoded->at = decoded->behind;
+        decoded->behind = -1;
+    }
+}
+
 /* ---- Ahead of steps back ---- */
 
 bool decoded_can_prepare(const struct decoded *decoded, const struct frames *frames) {
     int64_t first = decoded->first;
 
-    if (decoded->early_first < decoded->early_end)
+    if (decoded->early_first < decoded->early_end || decoded->behind >= 0)
         return true;
     if (!decoded->back || first == decoded->next || !first ||
         frames->entry[first - 1].part != frames->entry[first].part)
@@ -165,7 +235,7 @@ bool decoded_can_prepare(const struct decoded *decoded, const struct frames *fra
 
 static bool open_early(struct decoded *decoded) {
     if (!decoded->has_early) {
-        decoded->has_early = !h264_decoder_open(&decoded->early, &decoded->format);
+        decoded->has_early = !h264_decoder_open(&decoded->early, &decoded->format, 1);
         decoded->early.geometry = decoded->geometry;
     }
     return decoded->has_early;
@@ -176,6 +246,10 @@ void decoded_prepare(struct decoded *decoded, const struct frames *frames) {
 
     if (!decoded_can_prepare(decoded, frames))
         return;
+    if (decoded->behind >= 0) {
+        follow(decoded, frames);
+        return;
+    }
     if (decoded->early_first == decoded->early_end) {
         decoded->early_first = decoded->early_end = key_before(frames, decoded->first - 1);
         if (decoded->next - decoded->early_first > decoded->capacity) { /* instead of the frames that come last */
@@ -206,11 +280,16 @@ static bool is_kept(const struct decoded *decoded, int64_t position) {
 /* Decode up to a position, which is not kept. */
 static void decode_up_to(struct decoded *decoded, const struct frames *frames, int64_t key, int64_t position,
                          char *wrong) {
-    bool goes_on = position >= decoded->next && decoded->next > key && decoded->at == decoded->next;
+    bool follows = position >= decoded->next && decoded->next > key;
 
+    while (follows && decoded->behind >= 0)
+        follow(decoded, frames);
+    bool goes_on = follows && decoded->at == decoded->next;
+    decoded->back = !goes_on;
+    if (!goes_on && leap(decoded, frames, key, position))
+        return;
     if (!goes_on)
         restart(decoded, key);
-    decoded->back = !goes_on;
     while (decoded->next <= position) {
         if (decoded->next - decoded->first == decoded->capacity) {
             drop_early(decoded);

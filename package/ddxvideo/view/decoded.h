@@ -1,7 +1,8 @@
 /* SPDX-License-Identifier: GPL-2.0-or-later */
 /*
- * The pictures of an MP4 file. A picture is decoded from the key frame before it on. The last decoded pictures are
- * kept, and the second before them is decoded ahead of steps back, so that these need not wait for the decoder.
+ * The pictures of an MP4 file. A picture is decoded from the key frame before it on, after a jump by several threads.
+ * The last decoded pictures are kept, and the second before them is decoded ahead of steps back, so that these need
+ * not wait for the decoder.
  */
 #ifndef DDXVIDEO_DECODED_H
 #define DDXVIDEO_DECODED_H
@@ -21,9 +22,12 @@ struct decoded {
     struct shot **kept;  /* the shot of a position is at position % capacity */
     int64_t first, next; /* positions of kept shots */
     struct h264_decoder decoder;
-    int64_t at;                     /* the position that `decoder` can decode next */
-    int64_t last;                   /* the position that was taken last */
-    bool back;                      /* steps back are likely: the last one was one, or a jump */
+    int64_t at;               /* the position that `decoder` can decode next */
+    struct h264_decoder leap; /* for jumps: with several threads; opened when it is needed first */
+    bool has_leap;            /* or it cannot be opened */
+    int64_t behind;           /* after a jump: the position that `decoder` must decode next to reach `next`; -1: none */
+    int64_t last;             /* the position that was taken last */
+    bool back;                /* steps back are likely: the last one was one, or a jump */
     struct h264_decoder early;      /* for the frames before `first`; opened when it is needed first */
     bool has_early;                 /* or it cannot be opened */
     int64_t early_first, early_end; /* these were decoded so far; they are kept as well. Equal: none */
