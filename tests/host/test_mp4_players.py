@@ -3,16 +3,21 @@
 from __future__ import annotations
 
 import ctypes
+import os
 import pathlib
+import re
 import subprocess
+import tempfile
 
 import pytest
 
 from bench.player import Player
+from parts.common import MORTAL
 from parts.media.clip import frame_number
 
+from .absent import need
 from .mp4 import fragments, top
-from .programs import Desk, Process, pictures, start_recorder, stop, wait_for_recorder, wait_until
+from .programs import Desk, Process, ffmpeg, pictures, start_recorder, stop, wait_for_recorder, wait_until
 from .test_mp4 import BEGUN, mended
 from .test_view import make_clip
 
@@ -144,3 +149,65 @@ def test_gstreamer_seeks(desk: Desk, state: str) -> None:
             assert player.seek(place * STEP + 0.02) == place
     finally:
         player.end()
+
+
+def said(*command: object, **environment: str) -> str:
+    done = subprocess.run([*MORTAL, *map(str, command)], env={**os.environ, **environment}, stdin=subprocess.DEVNULL,
+                          stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True, errors="replace", timeout=120,
+                          check=True)
+    return done.stdout
+
+
+def numbers(y4m: pathlib.Path) -> list[int | None]:
+    return [frame_number(picture, 352, 288) for picture in pictures(y4m)]
+
+
+@pytest.mark.long
+@pytest.mark.parametrize("state", ["finished", "cut", "recovered"])
+def test_mpv(desk: Desk, state: str) -> None:
+    """It shows each frame, and from any place on, also in a cut file."""
+    need("mpv", "mpv")
+    path = make(desk, state)
+    frames = FRAMES - (state != "finished")
+    for place in (0, 57):
+        nut, y4m = path.with_suffix(".nut"), path.with_suffix(".y4m")
+        said("mpv", "--no-config", "--no-audio", f"--o={nut}", "--of=nut", "--ovc=rawvideo", "--vf=format=yuv420p",
+             f"--start={place * STEP}", "--hr-seek=yes", path)
+        y4m.write_bytes(ffmpeg("-i", nut, "-fps_mode", "passthrough", "-f", "yuv4mpegpipe", "-"))
+        assert numbers(y4m) == list(range(place, frames))
+
+
+@pytest.mark.long
+@pytest.mark.parametrize("state", ["finished", "cut", "recovered"])
+def test_ffplay(desk: Desk, state: str) -> None:
+    """It shows each frame, and seeks to the key frame before a place."""
+    need("ffplay", "ffmpeg")
+    path = make(desk, state)
+    frames = FRAMES - (state != "finished")
+    for place in (0, 57):
+        text = said("ffplay", "-hide_banner", "-nostats", "-autoexit", "-an", "-vf", "showinfo", "-ss", place * STEP,
+                    path, SDL_VIDEODRIVER="dummy")
+        times = [float(time) for time in re.findall(r" pts_time:([\d.]+)", text)]
+        assert [round(time / STEP) for time in times] == list(range(place // 10 * 10, frames))
+
+
+@pytest.mark.long
+@pytest.mark.parametrize("state", ["finished", "cut", "recovered"])
+def test_vlc(desk: Desk, state: str) -> None:
+    """It shows a finished file from any place on, and a cut one from its beginning. It may stop before the last frame
+    is shown."""
+    need("vlc", "vlc-bin")
+    path = make(desk, state)
+    frames = FRAMES - (state != "finished")
+    for place in (0,) if state == "cut" else (0, 57):
+        with tempfile.TemporaryDirectory(prefix="ddx-") as name:  # VLC refuses to run as root
+            folder = pathlib.Path(name)
+            folder.chmod(0o777)
+            (folder / "clip.mp4").write_bytes(path.read_bytes())
+            user = ["setpriv", "--reuid=65534", "--regid=65534", "--clear-groups"] if os.geteuid() == 0 else []
+            said(*user, "vlc", "-I", "dummy", "--no-audio", "--no-drop-late-frames", "--no-skip-frames",
+                 "--vout", "yuv", "--yuv-chroma", "I420", "--yuv-yuv4mpeg2", "--yuv-file", folder / "seen.y4m",
+                 "--start-time", place * STEP, "--play-and-exit", folder / "clip.mp4", HOME=name)
+            seen = [number for number in numbers(folder / "seen.y4m") if number is not None]
+        assert place - 1 <= seen[0] <= place and max(seen) >= frames - 2
+        assert sorted(set(seen)) == list(range(seen[0], max(seen) + 1))
