@@ -7,6 +7,7 @@ the start to the first picture of a CIF clip, beside ffplay; and CPU time for a 
 output/bench/view.json. -short: a few steps, without mpv and ffplay, for the gate; writes no file.
 """
 import argparse
+import contextlib
 import ctypes
 import json
 import os
@@ -14,6 +15,7 @@ import pathlib
 import statistics
 import subprocess
 import time
+from collections.abc import Iterator
 from typing import Any
 
 from bench.measure import percentile, save
@@ -104,9 +106,9 @@ def start(screen: Screen, command: list[str]) -> subprocess.Popen[bytes]:
                                                             "DISPLAY": screen.name, "SDL_VIDEODRIVER": "x11"})
 
 
-def steps(screen: Screen, name: str, clip: pathlib.Path, count: int, frames: int) -> dict[str, list[float]]:
-    """Time of each step, forward from the first frame and back from the last."""
-    found: dict[str, list[float]] = {"forward": [], "back": []}
+@contextlib.contextmanager
+def paused(screen: Screen, name: str, clip: pathlib.Path) -> Iterator[None]:
+    """A player that shows the first frame."""
     process = start(screen, commands(clip)[name])
     try:
         if name == "ddxvideoview":
@@ -116,17 +118,30 @@ def steps(screen: Screen, name: str, clip: pathlib.Path, count: int, frames: int
             screen.press(b"Home")
         screen.wait(name, 0, time.monotonic())
         time.sleep(0.5)
+        yield
+    finally:
+        stop(process)
+
+
+def pressed(screen: Screen, name: str, key: bytes, number: int) -> float:
+    """ms from a key to the frame with this number."""
+    begin = time.monotonic()
+    screen.press(key)
+    passed = screen.wait(name, number, begin)
+    time.sleep(0.02)
+    return passed
+
+
+def steps(screen: Screen, name: str, clip: pathlib.Path, count: int, frames: int) -> dict[str, list[float]]:
+    """Time of each step, forward from the first frame and back from the last."""
+    found: dict[str, list[float]] = {"forward": [], "back": []}
+    with paused(screen, name, clip):
         at = 0
         while min(map(len, found.values())) < count:
             for way, key in KEYS.items():
                 for _ in range(frames - 1):
                     at += 1 if way == "forward" else -1
-                    begin = time.monotonic()
-                    screen.press(key)
-                    found[way].append(screen.wait(name, at, begin))
-                    time.sleep(0.02)
-    finally:
-        stop(process)
+                    found[way].append(pressed(screen, name, key, at))
     return found
 
 
