@@ -26,7 +26,7 @@
 
 /* An update file is read from a stream: an archive of `manifest`, `manifest.minisig` and `root`. */
 
-enum { END_BLOCKS = 2, LAST_BLOCKS = 20 /* of an archive: tar pads to 10 KiB */ };
+enum { END_BLOCKS = 2, LAST_BLOCKS = END_BLOCKS + 19 /* of an archive: after both, tar pads it to 20 blocks */ };
 
 /* The bytes that could be read before the file's end; less than 0: -errno. */
 static ssize_t read_some(int fd, void *buffer, size_t size) {

@@ -331,6 +331,15 @@ def test_a_stream_that_breaks_leaves_no_kernel(fresh: UpdateDisk, broken: Callab
     assert fresh.slot("B").startswith(fresh.roots[NEW])
 
 
+@pytest.mark.parametrize("blocks, status", [(1, 1), (2, 0), (21, 0), (22, 1)])
+def test_the_end_of_an_archive(fresh: UpdateDisk, blocks: int, status: int) -> None:
+    """Two blocks of zeros, and tar pads the file to a multiple of 20 blocks: 19 more at most."""
+    root = fresh.roots[NEW]
+    file = fresh.update()
+    file = file[:file.index(root) + len(root)] + bytes(512 * blocks)
+    assert fresh.run("write", stdin=file, pipe=True).returncode == status
+
+
 DROPS = r"""
 #include <dlfcn.h>
 #include <sys/types.h>
