@@ -1,16 +1,13 @@
 # SPDX-License-Identifier: GPL-2.0-or-later
-"""The boot counter: GRUB's menu increments it, slot-came-up clears it. The part of grub.cfg that chooses a slot is
-close enough to shell syntax to run in a shell. The FAT is one of mkfs.vfat's, in a file."""
+"""The boot counter: GRUB's menu increments it, slot-came-up clears it. The FAT is one of mkfs.vfat's, in a file."""
 from __future__ import annotations
 
 import pathlib
-import re
-import subprocess
 from collections.abc import Iterator
 
 import pytest
 
-from lib.boot_block import BYTES, Block, block_of, make_fat, text_of
+from lib.boot_block import BYTES, Block, block_of, make_fat, menu, text_of
 from parts.common import TOP, run
 from parts.image import native
 
@@ -19,24 +16,7 @@ from .programs import library_folder
 
 pytestmark = pytest.mark.retry
 
-NAMES = ("slot", "left", "begun", "failed")
 LOST = ", so a slot that cannot be booted may stay the chosen one; flash another card\n"
-
-
-def menu(block: Block) -> tuple[Block, str, str]:
-    """The block after GRUB's menu, the slot that it boots, and the count that it reports."""
-    text = (TOP / "board/common/grub.cfg").read_text()
-    choice = text[text.index("set slot=A\n"):text.index('if [ "$slot" = B ]; then set partition=')]
-    known = "; ".join(f"{name}={value}" for name, value in block.items())
-    script = (f"load_env() {{ :; {known}; }}\n" if known else "load_env() { :; }\n") + (
-        'save_env() { for name; do eval "echo $name=\\${$name-}"; done; }\n'
-        + re.sub(r"\bset (\w+)=", r"\1=", choice) + 'echo "boot $slot $counted"\n')
-    done = subprocess.run(["sh", "-c", script], check=True, capture_output=True, text=True)
-    assert not done.stderr
-    *saved, last = done.stdout.splitlines()
-    now = {**block, **dict(line.split("=") for line in saved)}
-    _, slot, *counted = last.split()
-    return {name: value for name, value in now.items() if value}, slot, "".join(counted)
 
 
 class Robot:

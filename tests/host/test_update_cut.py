@@ -4,15 +4,15 @@ from __future__ import annotations
 
 import functools
 import pathlib
+from collections.abc import Callable
 
 import pytest
 
 from lib import update_cut
-from lib.boot_block import BYTES, Block
+from lib.boot_block import BYTES, Block, menu
 from lib.update_cut import DATA, SLOTS
 from parts.disk.logged_device import lacking
 
-from .test_slots import menu
 from .update_disk import FORMER, NEW, RUNNING, UpdateDisk
 
 pytestmark = [pytest.mark.computes, pytest.mark.retry]
@@ -54,7 +54,8 @@ def judge(disk: UpdateDisk, step: int, firm: bool) -> int:
 
 @pytest.mark.parametrize("here", ["A", "B"])
 @pytest.mark.parametrize("step", [32, pytest.param(1, marks=pytest.mark.long)], ids=["some", "all"])
-def test_no_power_cut_leaves_half_a_version(tmp_path: pathlib.Path, here: str, step: int) -> None:
+def test_no_power_cut_leaves_half_a_version(tmp_path: pathlib.Path, here: str, step: int,
+                                            record_property: Callable[[str, object], None]) -> None:
     """GRUB counts boots in `start` as `keep` sees it: the block after its first boot is part of test_slots.py."""
     if reason := lacking():
         pytest.skip(reason)
@@ -63,7 +64,9 @@ def test_no_power_cut_leaves_half_a_version(tmp_path: pathlib.Path, here: str, s
         assert disk.slot(disk.other).startswith(disk.roots[NEW])
         assert disk.slot(here).startswith(disk.roots[RUNNING])
         assert disk.block() == ({"slot": "B"} if disk.other == "B" else {})
-        assert judge(disk, step, firm=True) >= 300
+        states = judge(disk, step, firm=True)
+        record_property("states", states)
+        assert states >= 300
 
 
 def test_no_power_cut_while_a_version_is_taken_back(tmp_path: pathlib.Path) -> None:
