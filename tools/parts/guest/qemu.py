@@ -33,7 +33,8 @@ BOOTS_AGAIN = 2
 CONSOLES = ["hvc0", "hvc1"]  # over pipes, see channel.py
 
 
-def _drive(disk: Disk, machine: Machine, writes: pathlib.Path | None, test_disk: pathlib.Path | None) -> list[str]:
+def _drive(disk: Disk, machine: Machine, writes: pathlib.Path | None, test_disk: pathlib.Path | None,
+           limits: str) -> list[str]:
     """QEMU's options for the disks; the guest boots from the first one."""
     file = {"driver": "qcow2", "file": {"driver": "file", "filename": str(disk.path)}}
     graph: dict[str, object] = {"node-name": "disk", "cache": {"no-flush": True}, **file}
@@ -41,8 +42,13 @@ def _drive(disk: Disk, machine: Machine, writes: pathlib.Path | None, test_disk:
         writes.write_bytes(b"")
         log = {"driver": "file", "filename": str(writes)}
         graph = {"driver": "blklogwrites", "node-name": "disk", "log": log, "file": file}
+    before = []
+    if limits:
+        before = ["-object", f"throttle-group,id=limits,{limits}"]
+        graph = {"driver": "throttle", "throttle-group": "limits", "node-name": "disk", "file": file,
+                 "cache": {"no-flush": True}}
     after = ["-drive", f"file={test_disk},format=raw,if=virtio,readonly=on"] if test_disk else []
-    return ["-blockdev", json.dumps(graph), *machine.disk("disk"), *after]
+    return [*before, "-blockdev", json.dumps(graph), *machine.disk("disk"), *after]
 
 
 class Guest(Robot):
@@ -50,8 +56,9 @@ class Guest(Robot):
 
     `more_memory` (MiB) is added to the machine's, `size` (bytes) makes the disk larger than the image, `prepare`
     changes the disk before the boot, `keep` is a folder that outlives the guest, so that the next one has the same
-    disk, `writes` is a file for a log of all writes to the disk (blocklog.py), `bus` is the disk's (machine.py). With
-    one of `processors` an emulated boot takes less of the host's time: two of them wait for each other."""
+    disk, `writes` is a file for a log of all writes to the disk (blocklog.py), `bus` is the disk's (machine.py),
+    `limits` are those of its speed (words of QEMU's throttle-group). With one of `processors` an emulated boot takes
+    less of the host's time: two of them wait for each other."""
 
     started = 0  # number of guests that this process started
     alive: ClassVar[list["Guest"]] = []
@@ -64,7 +71,7 @@ class Guest(Robot):
                  serial: bool = False, screen: bool = False, provision: str = "", environment: tuple[str, ...] = (),
                  test_disk: pathlib.Path | None = None, more_memory: int = 0, log: pathlib.Path | None = None,
                  extra: tuple[str, ...] = (), size: int = 0, prepare: Callable[[Disk], None] | None = None,
-                 keep: pathlib.Path | None = None, writes: pathlib.Path | None = None, bus: str = "",
+                 keep: pathlib.Path | None = None, writes: pathlib.Path | None = None, bus: str = "", limits: str = "",
                  processors: int = 2) -> None:
         self.folder = pathlib.Path(tempfile.mkdtemp(prefix="ddx-", dir=os.environ.get("TMPDIR", "/tmp")))
         with contextlib.ExitStack() as undo:
@@ -82,7 +89,8 @@ class Guest(Robot):
             if prepare:
                 prepare(disk)
             self._command = [*MORTAL, *self.machine.arguments(self.folder, more_memory),
-                             *self._devices(accel, processors), *_drive(disk, self.machine, writes, test_disk), *extra]
+                             *self._devices(accel, processors),
+                             *_drive(disk, self.machine, writes, test_disk, limits), *extra]
             self._again = BOOTS_AGAIN
             self._paused = False
             self._disk, self._before, self._writes = disk.path, self.folder / "before.qcow2", writes
