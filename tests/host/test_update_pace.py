@@ -60,6 +60,15 @@ def test_a_pause_as_long_as_each_piece_took(writer: Writer) -> None:
         assert pause >= took, f"a pause of {pause} ns after a piece that took {took} ns"
 
 
+def test_what_is_on_the_disk_is_not_written_again(writer: Writer) -> None:
+    """After a stream that broke: all but the MiB between the first one and the break, and the first MiB is cleared."""
+    root = writer.disk.roots[NEW]
+    assert writer.disk.run("write", stdin=writer.disk.update()[:2_500_000], pipe=True).returncode == 1
+    assert writer.run().returncode == 0
+    cleared, not_again = 1 << 20, 1 << 20
+    assert sum(writer.written()) == cleared + len(root) - not_again and writer.disk.slot("B").startswith(root)
+
+
 def test_no_piece_while_a_recorder_is_late(writer: Writer, desk: Desk) -> None:
     """Its disk hangs, so that more than a second of frames waits. The update goes on when the recorder does."""
     (desk.folder / "rec").mkdir()
