@@ -32,8 +32,10 @@ Fields = dict[str, str]
 
 def look(guest: Guest) -> list[Fields]:
     """The JUDGED lines in /proc/<pid>/status of each process except kernel threads, which have no program. Late work
-    runs as root. All lines of all processes would be 200 KB, and QEMU drops what a busy host does not take in time."""
-    guest.wait_until("[ -e /run/late.done ]")
+    runs as root. All lines of all processes would be 200 KB, and QEMU drops what a busy host does not take in time.
+
+    The wait is a loop of the shell: wait_until()'s `timeout` stays for a second, and each look would see it."""
+    guest.sh("until [ -e /run/late.done ]; do sleep 0.5; done")
     show = f"readlink $p/exe > /dev/null && grep -HE '{JUDGED}' $p/status"
     text = guest.sh(f"for p in /proc/[0-9]*; do {show}; done; true")
     found: dict[str, Fields] = {}
