@@ -166,7 +166,7 @@ def test_a_version_is_kept_without_a_note(boot: Boot, image: pathlib.Path, root:
         guest.reset()
         guest.shell()
         assert "ddx.slot=B" in guest.sh("cat /proc/cmdline").split()
-        guest.wait_until("ddxctl update status --json | grep -q '\"last\":\"\(none\|kept\)\"'")
+        guest.wait_until("ddxctl update status --json | grep -q '\"last\":\"\\(none\\|kept\\)\"'")
         assert guest.environment() == {"slot": "B"}
         assert guest.sh("[ -e /data/update ] && cat /data/update || true").count("result=begun") == 0
         guest.wait_until(RECORDS)

@@ -12,7 +12,7 @@ from parts.guest import panel
 from parts.guest.native_machine import NativeMachine
 from parts.guest.panel import PASSPHRASE, Visitor
 
-pytestmark = pytest.mark.long
+pytestmark = [pytest.mark.retry, pytest.mark.long]
 
 SECONDS = 60
 # Of all parts and what they have started, with those that have exited: ms of processor time, KiB (Pss).
