@@ -37,6 +37,9 @@ except http.client.IncompleteRead as error:
     body = b"incomplete"
 print(json.dumps([answer.status, dict(answer.headers), len(body), hashlib.sha256(body).hexdigest()]))
 """
+# Not the program that lists recordings for the page every few seconds.
+VERIFIES = "$(pgrep -f '^[^ ]*ddxrecordings .*verify')"
+
 
 def recordings(robot: NativeMachine) -> list[dict[str, Any]]:
     return [json.loads(line) for line in robot.sh("ddxctl recordings list --json").splitlines()]
@@ -80,10 +83,10 @@ def test_a_recording_is_split_verified_and_deleted(root: pathlib.Path, tmp_path:
         visitor.reads("no USB stick is plugged in")
         visitor.reads(f"copy {first} usb: FAILED.")
         # A job goes on without its visitor and without the panel, alone, until it is stopped by a second tap.
-        large(robot, 500)
+        large(robot, 4000)  # takes seconds, in which the process can be stopped
         visitor.sees(button(LARGE, "Verify"))
         visitor.taps(button(LARGE, "Verify"))
-        robot.wait_until("kill -STOP $(pgrep ddxrecordings)")
+        robot.wait_until(f"kill -STOP {VERIFIES}")
         visitor.taps(button(first, "Verify"))
         visitor.reads("another recording is being copied or verified")
         robot.sh("kill -9 $(pgrep lighttpd)")
@@ -93,9 +96,9 @@ def test_a_recording_is_split_verified_and_deleted(root: pathlib.Path, tmp_path:
         visitor.reads(f"verify {LARGE}: ")
         visitor.taps("document.getElementById('job-stop')")
         visitor.reads("Stop: it is not finished then")
-        assert robot.sh("pgrep ddxrecordings")
+        assert robot.sh(f"echo {VERIFIES}").strip()
         visitor.taps("document.getElementById('job-stop')")
-        robot.sh("kill -CONT $(pgrep ddxrecordings)")
+        robot.sh(f"kill -CONT {VERIFIES}")
         visitor.reads(f"verify {LARGE}: FAILED.")
         visitor.reads("told to stop")
         robot.wait_until("! pgrep panel-job && ! pgrep ddxrecordings")
