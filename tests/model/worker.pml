@@ -97,7 +97,7 @@ byte known; /* to the writer: a bit for each page */
 #define DRAIN(c) do :: len(request[c]) -> request[c]?_, _, _, _ :: else -> break od
 
 /* ---- the worker; after its death the same process is the next one ---- */
-/* session.c too_early(), readers.c attach(): serves only returning clients until the writer has reported. */
+/* session.c is_too_early(), readers.c attach(): serves only returning clients until the writer has reported. */
 #define HAS_REQUEST(c) (!hung_up[c] && \
                         ((store.back && len(request[c])) || (!store.back && request[c]?[_, OFFER, _, _])))
 #ifdef FAULT_NOT_GATED
