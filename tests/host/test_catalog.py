@@ -325,7 +325,7 @@ def test_a_first_read_waits_for_the_subscription(machines: tuple[Machine, Machin
         return done.stderr
 
     write(writer, 1)
-    wait_until(lambda: "robot" in [one["name"] for one in laptop.shown()["machines"]])
+    wait_until(lambda: "robot:sensor" in [one["name"] for one in laptop.shown()["items"]])
     assert value(laptop, "robot:sensor") == value(robot, "sensor")
     wait_until(lambda: robot.desk.readers("sensor") == 0)
     write(writer, 1)
