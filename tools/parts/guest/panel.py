@@ -136,13 +136,21 @@ class Visitor(Closing):
         self.browser = Browser(inside(robot), folder, f"--ignore-certificate-errors-spki-list={pin}")
 
     def open(self, address: str = ADDRESS) -> None:
+        self.address = address
         self.browser.visit(address)
 
     def sees(self, expression: str) -> None:
-        """Wait until an expression is true in the page."""
+        """Wait until an expression is true in the page.
+
+        Chromium shows an error page if it sets up its check of certificates during a visit, as it does once after its
+        start; the page is opened again then."""
         def true() -> bool:
             try:
-                return bool(self.browser.value(f"!!({expression})"))
+                if self.browser.value(f"!!({expression})"):
+                    return True
+                if "ERR_CERT_VERIFIER_CHANGED" in self.text():
+                    self.open(self.address)
+                return False
             except Failed:  # a page that is being loaded has no such element, or nothing at all
                 if self.browser.process.poll() is not None:
                     raise
