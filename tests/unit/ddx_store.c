@@ -563,7 +563,7 @@ static void test_restart_without_a_gap(void) {
         struct ddx_frame frame;
 
         time = ddx_time_now();
-        if (!stopped && time - begin > 50000000) {
+        if (!stopped && expected > 1 && time - begin > 50000000) { /* a writer claims its item with its first write */
             store_stop(SIGKILL);
             stopped = ddx_time_now();
         }
