@@ -12,11 +12,11 @@
 #include <string.h>
 #include <time.h>
 
+#include "due.h"
 #include "encoder.h"
 #include "y4m.h"
 
 #define FRAMES_MAX 1000
-#define SECOND INT64_C(1000000000)
 
 static struct ddxvideo_picture picture[FRAMES_MAX];
 
@@ -41,14 +41,6 @@ static unsigned load(const char *path, struct y4m_reader *reader) {
             break;
     }
     return count;
-}
-
-static void wait_until_due(struct timespec *due, const struct ddxvideo_geometry *geometry) {
-    int64_t next = due->tv_nsec + SECOND * geometry->rate_den / geometry->rate_num;
-
-    due->tv_sec += next / SECOND;
-    due->tv_nsec = next % SECOND;
-    clock_nanosleep(CLOCK_MONOTONIC, TIMER_ABSTIME, due, NULL);
 }
 
 static int encode_for_ever(struct encoder *encoder, unsigned count) {

@@ -9,11 +9,11 @@
 #include <time.h>
 
 #include "clip.h"
+#include "due.h"
 #include "h264_encode.h"
 #include "video_layout.h"
 
 #define FRAMES_MAX 1000
-#define SECOND INT64_C(1000000000)
 
 static struct ddxvideo_picture picture[FRAMES_MAX];
 
@@ -39,14 +39,6 @@ static unsigned load(struct clip *clip) {
             break;
     }
     return count;
-}
-
-static void wait_until_due(struct timespec *due, const struct ddxvideo_geometry *geometry) {
-    int64_t next = due->tv_nsec + SECOND * geometry->rate_den / geometry->rate_num;
-
-    due->tv_sec += next / SECOND;
-    due->tv_nsec = next % SECOND;
-    clock_nanosleep(CLOCK_MONOTONIC, TIMER_ABSTIME, due, NULL);
 }
 
 int main(int argc, char **argv) {
