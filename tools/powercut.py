@@ -14,6 +14,7 @@ import json
 import pathlib
 import random
 import re
+import statistics
 import subprocess
 import tempfile
 import time
@@ -37,6 +38,7 @@ SECONDS = 60       # of recording
 Y4M, H264, NAIVE = "y4m", "h264", "naive"  # kinds of recording
 SEGMENTS = {Y4M: 8, H264: 4, NAIVE: 0}  # MB: files end every two seconds, or five
 BLOCK = 4096
+Known = dict[bytes, tuple[list[int], bool]]  # numbers_of(), by the file's bytes
 ENTRY = 64
 NEAR = 2  # writes
 MAX_LOSS = 1.0  # s
@@ -183,7 +185,24 @@ def pictures_of(path: pathlib.Path, size: int) -> Iterator[bytes]:
     return mp4.pictures(path, size) if path.suffix == ".mp4" else (frame.data for frame in y4m.read(path)[1])
 
 
-def frames_of(folder: pathlib.Path, pictures: dict[bytes, int], size: int, skip: int) -> tuple[list[int], int]:
+def numbers_of(path: pathlib.Path, pictures: dict[bytes, int], size: int, known: Known) -> tuple[list[int], bool]:
+    """Numbers of the pictures in a file, and whether it was read to its end. Decoding takes most of the time, and most
+    files are the same on the disks after many cuts: equal bytes are decoded once."""
+    with path.open("rb") as file:
+        digest = path.suffix.encode() + hashlib.file_digest(file, "blake2b").digest()
+    if digest not in known:
+        numbers, whole = list[int](), True
+        try:
+            for picture in pictures_of(path, size):
+                numbers.append(pictures.get(hashlib.blake2b(picture).digest(), -1))
+        except (y4m.Malformed, KeyError, ValueError, IndexError, UnicodeDecodeError):
+            whole = False
+        known[digest] = numbers, whole
+    return known[digest]
+
+
+def frames_of(folder: pathlib.Path, pictures: dict[bytes, int], size: int, skip: int,
+              known: Known) -> tuple[list[int], int]:
     """Numbers of the pictures in all recordings in order, -1 for pictures that the clip lacks; and the corrupt ones:
     pictures with -1, files that cannot be read to their end, pictures that contradict the index, or, without an index,
     pictures that are not the next ones."""
@@ -192,17 +211,13 @@ def frames_of(folder: pathlib.Path, pictures: dict[bytes, int], size: int, skip:
     said = due(folder, len(pictures))
     files = [*folder.glob("*.y4m"), *folder.glob("*.mp4")]
     for path in sorted(files, key=lambda path: int(path.name.split("-")[-2])):
-        begin = len(numbers)
-        try:
-            for picture in pictures_of(path, size):
-                numbers.append(pictures.get(hashlib.blake2b(picture).digest(), -1))
-        except (y4m.Malformed, KeyError, ValueError, IndexError, UnicodeDecodeError):
-            bad += 1
+        found, whole = numbers_of(path, pictures, size, known)
+        numbers += found
+        bad += not whole
         if path.name in said:
-            bad += said[path.name] != numbers[begin:]
+            bad += said[path.name] != found
         else:
-            bad += sum((one + skip) % len(pictures) != later
-                       for one, later in zip(numbers[begin:], numbers[begin + 1:]))
+            bad += sum((one + skip) % len(pictures) != later for one, later in zip(found, found[1:]))
     return numbers, bad + numbers.count(-1)
 
 
@@ -220,7 +235,8 @@ def unfinished(path: pathlib.Path) -> bool:
         return True
 
 
-def judge(image: pathlib.Path, found: Found, moment: Moment, pictures: dict[bytes, int], size: int, kind: str) -> None:
+def judge(image: pathlib.Path, found: Found, moment: Moment, pictures: dict[bytes, int], size: int, kind: str,
+          known: Known) -> None:
     check(image, found)
     with scratch() as folder:
         if subprocess.run(["mount", "-o", "loop,noatime", image, folder], capture_output=True, check=False).returncode:
@@ -233,7 +249,7 @@ def judge(image: pathlib.Path, found: Found, moment: Moment, pictures: dict[byte
                 segment = str(SEGMENTS[kind])
                 subprocess.run([root / "bin/ddxvideosave", "-output", folder, "-segment", segment, "-recover"],
                                env={"LD_LIBRARY_PATH": str(libraries)}, check=True, capture_output=True)
-            numbers, found.corrupt = frames_of(folder, pictures, size, SKIP[kind])
+            numbers, found.corrupt = frames_of(folder, pictures, size, SKIP[kind], known)
             found.unfinished = sum(map(unfinished, folder.glob("*.mp4")))
         finally:
             subprocess.run(["umount", folder], check=True)
@@ -262,6 +278,7 @@ def replay(log: pathlib.Path, image: pathlib.Path, clip: pathlib.Path, kind: str
         file.seek(part.begin)
         disk = blocklog.LoggedDisk(part.begin, file.read(part.end - part.begin))
     old = {(one.cut, one.model) for one in done}
+    known: Known = {}
     with tempfile.NamedTemporaryFile(prefix="ddx-", suffix=".ext4", dir=MEMORY) as file:
         scratch = pathlib.Path(file.name)
         for number, entry in enumerate(blocklog.entries(log)):
@@ -274,7 +291,7 @@ def replay(log: pathlib.Path, image: pathlib.Path, clip: pathlib.Path, kind: str
                 chance = random.Random(f"{seed} {number}")
                 disk.make(scratch, disk.all_written() if model == "prefix" else disk.some_written(chance))
                 found = Found(number, model, chosen[number])
-                judge(scratch, found, seen[number], pictures, size, kind)
+                judge(scratch, found, seen[number], pictures, size, kind, known)
                 yield found
 
 
@@ -284,7 +301,8 @@ def summary(done: list[Found]) -> dict[str, float]:
             "manual_fsck": sum(one.manual for one in done), "mount_failures": sum(not one.mounted for one in done),
             "acked_lost": sum(one.acknowledged_lost > 0 for one in done),
             "corrupt": sum(one.corrupt > 0 for one in done),
-            "unfinished": sum(one.unfinished > 0 for one in done), "max_loss_s": max(one.loss for one in done)}
+            "unfinished": sum(one.unfinished > 0 for one in done),
+            "median_loss_s": statistics.median(one.loss for one in done), "max_loss_s": max(one.loss for one in done)}
 
 
 def broken(figures: dict[str, float]) -> bool:
