@@ -41,17 +41,19 @@ static void test_orders(void) {
     CHECK(same(ORDER("machine", "off"), "/sbin/poweroff"));
     CHECK(same(ORDER("record", "split"), "/usr/bin/ddxctl record split"));
     CHECK(same(ORDER("recordings"), "/usr/bin/ddxctl recordings list --json"));
+    CHECK(same(ORDER("recordings", "verify"), "/usr/libexec/ddx/panel-job begin verify"));
     CHECK(same(ORDER("recordings", "verify", "video-000012"), "/usr/libexec/ddx/panel-job begin verify video-000012"));
     CHECK(same(ORDER("recordings", "copy", "video-000012", "usb"),
                "/usr/libexec/ddx/panel-job begin export video-000012 usb"));
+    CHECK(same(ORDER("recordings", "copy", "all", "usb"), "/usr/libexec/ddx/panel-job begin export all usb"));
     CHECK(same(ORDER("recordings", "remove", "video-000012"), "/usr/bin/ddxctl recordings remove video-000012"));
     CHECK(same(ORDER("recordings", "read", "video-000012.mp4", "4096"),
                "/usr/bin/ddxctl recordings read -size video-000012.mp4 4096"));
 }
 
 static void test_recordings_that_are_refused(void) {
-    static const char *const names[] = {"",   "-folder", "--json", "../x", "/rec/x", "a/b", ".",
-                                        ".x", "a b",     "a;b",    "all",  "newest", "*",   "a\nb"};
+    static const char *const names[] = {"",   "-folder", "--json", "../x",   "/rec/x", "a/b", ".",
+                                        ".x", "a b",     "a;b",    "newest", "*",      "a\nb"};
     static const char *const numbers[] = {"", "-1", "+1", " 1", "1x", "0x1", "-size", "9999999999999999999"};
 
     for (size_t i = 0; i < sizeof names / sizeof names[0]; i++) {
@@ -63,6 +65,8 @@ static void test_recordings_that_are_refused(void) {
     for (size_t i = 0; i < sizeof numbers / sizeof numbers[0]; i++)
         CHECK(same(ORDER("recordings", "read", "video.mp4", numbers[i]), "") && same(reason, "is not a number"));
     CHECK(same(ORDER("recordings", "copy", "video-000012", "/etc"), "") && same(reason, "is not usb"));
+    CHECK(same(ORDER("recordings", "copy", "all", "/etc"), "") && same(ORDER("recordings", "copy", "all"), ""));
+    CHECK(same(ORDER("recordings", "remove", "all"), "") && same(ORDER("recordings", "verify", "all"), ""));
     CHECK(same(ORDER("recordings", "copy", "video-000012"), ""));
     CHECK(same(ORDER("recordings", "export", "video-000012", "usb"), ""));
     CHECK(same(ORDER("recordings", "remove"), "") && same(ORDER("recordings", "remove", "a", "b"), ""));

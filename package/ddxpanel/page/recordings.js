@@ -34,7 +34,7 @@ function makeJob() {
 	const draw = (found) => {
 		const ended = found.status !== "", good = found.status === "0";
 		runs = found.state === "running" && !ended;
-		const words = found.words.replace(/^export /, "copy ");
+		const words = found.words.replace(/^export /, "copy ").replace(/^verify$/, "verify all");
 		line.textContent = runs ? `${words}: ${found.percent} %`
 			: `${words}: ${good ? "good." : ended ? "FAILED." : "was interrupted."}`;
 		line.className = runs ? "" : good ? "good" : "bad";
@@ -112,11 +112,15 @@ export function recordings(place) {
 			list.replaceChildren(...cards);
 	};
 
-	const button = (word, text) => element("button", { type: "button", onclick: () => say(["record", word]) }, text);
+	const button = (text, act) => element("button", { type: "button", onclick: act }, text);
 	place.replaceChildren(element("h2", {}, "Recordings"), room,
-		element("div", { class: "buttons" }, button("start", "Start"), button("split", "Split"),
+		element("div", { class: "buttons" }, button("Start", () => say(["record", "start"])),
+			button("Split", () => say(["record", "split"])),
 			armed("Stop", "Stop: nothing is recorded until the next start", () => say(["record", "stop"]), { id: "record-stop" })),
 		element("p", { class: "dim" }, "Split finishes the recording in progress, so that it can be copied, and begins the next."),
+		element("div", { class: "buttons" },
+			button("Copy all to stick", () => begin(["recordings", "copy", "all", "usb"])),
+			button("Verify all", () => begin(["recordings", "verify"]))),
 		job.card, list);
 	return { refresh, tick: () => job.tick(), every: 5 };
 }
