@@ -3,13 +3,18 @@
 from __future__ import annotations
 
 import concurrent.futures
+import contextlib
 import pathlib
+import random
 import subprocess
-from collections.abc import Iterator
+import time
+from collections.abc import Callable, Iterator
 
 import pytest
 
+from parts.common import run
 from parts.disk.logged_device import lacking
+from parts.release import update_file
 
 from .programs import Desk, make_clip, preload, start_recorder, wait_until
 from .test_stalled_disk import StalledDisk
@@ -91,3 +96,35 @@ def test_no_piece_while_a_recorder_is_late(writer: Writer, desk: Desk) -> None:
         disk.go_on()
         assert job.result().returncode == 0
     assert len(writer.written()) > len(before) and writer.disk.slot("B").startswith(writer.disk.roots[NEW])
+
+
+@contextlib.contextmanager
+def on_file(file: pathlib.Path, size: int) -> Iterator[str]:
+    """A device with this file's content, past the page cache."""
+    with file.open("wb") as slot:
+        slot.truncate(size)
+    device = run(["losetup", "--find", "--show", "--direct-io=on", file]).strip()
+    yield device
+    run(["losetup", "--detach", device])
+
+
+@pytest.mark.long
+def test_the_duration_over_100_mbit(tmp_path: pathlib.Path, record_property: Callable[[str, object], None]) -> None:
+    """An update of 18 MB, sent at 100 Mbit/s, while nothing records; onto a file of this machine's disk."""
+    if reason := lacking():
+        pytest.skip(reason)
+    root, rate, piece = random.Random(1).randbytes(18_000_000 // 4096 * 4096), 100e6 / 8, 64 << 10
+    (tmp_path / "disk").mkdir()
+    with UpdateDisk(tmp_path / "disk", "A") as disk, on_file(tmp_path / "slot", 64 << 20) as device:
+        disk.devices[2] = device
+        file, begin = update_file.make(NEW, root, disk.key), time.monotonic()
+
+        def pieces() -> Iterator[bytes]:
+            for at in range(0, len(file), piece):
+                time.sleep(max(0.0, begin + at / rate - time.monotonic()))
+                yield file[at:at + piece]
+
+        done = disk.run("write", stdin=pieces())
+        record_property("seconds", round(time.monotonic() - begin, 2))
+        assert done.returncode == 0, done.stderr
+        assert (tmp_path / "slot").read_bytes().startswith(root)

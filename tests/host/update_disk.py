@@ -2,10 +2,12 @@
 """A small disk with two slots, on which ddxupdate runs as on a machine; its keys and update files."""
 from __future__ import annotations
 
+import contextlib
 import os
 import pathlib
 import random
 import subprocess
+from collections.abc import Iterator
 
 from lib import boot_block, update_cut
 from lib.update_cut import BOOT, DATA, SLOTS
@@ -71,15 +73,24 @@ class UpdateDisk(Closing):
         """A good update file."""
         return update_file.make(what, self.roots[NEW], self.key)
 
-    def run(self, command: str, *options: str, stdin: bytes = b"", env: dict[str, str] | None = None,
+    def run(self, command: str, *options: str, stdin: bytes | Iterator[bytes] = b"", env: dict[str, str] | None = None,
             pipe: bool = False) -> subprocess.CompletedProcess[str]:
-        """Run ddxupdate; its input is a file, or a pipe."""
+        """Run ddxupdate; its input is a file, or a pipe, as it is for pieces that come one after the other."""
         devices = self.devices[:1] if command in ("block", "keep", "seen", "ended", "trial") else self.devices
         program = native.build() / "usr/libexec/ddx/ddxupdate"
         words = [str(program), "-root", str(self.place), command, *options, *devices]
         environment = {**os.environ, "DDX_DIR": str(self.place / "run/ddx"),
                        "LD_LIBRARY_PATH": str(library_folder()), **(env or {})}
-        if pipe:
+        if not isinstance(stdin, bytes):
+            with subprocess.Popen(words, env=environment, stdin=subprocess.PIPE, stdout=subprocess.PIPE,
+                                  stderr=subprocess.PIPE) as process:
+                assert process.stdin
+                with contextlib.suppress(BrokenPipeError):
+                    for piece in stdin:
+                        process.stdin.write(piece)
+                said, errors = process.communicate()
+                done = subprocess.CompletedProcess(words, process.returncode, said, errors)
+        elif pipe:
             done = subprocess.run(words, env=environment, capture_output=True, check=False, input=stdin)
         else:
             file = self.folder / "input"
