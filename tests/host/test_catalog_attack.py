@@ -148,6 +148,20 @@ def sent(link: Link, port: int) -> int:
     return ports[port].bytes if port in ports else 0
 
 
+def announce_again(link: Link, robot: Machine, packets: list[bytes], least: int) -> int:
+    """Send them until at least this number was refused, since a busy robot misses some; how often they were sent."""
+    attempts = 0
+
+    def all_have_come() -> bool:
+        nonlocal attempts
+        attempts += 1
+        announce(link, packets)
+        return refused(robot) >= least
+
+    wait_until(all_have_come)
+    return attempts
+
+
 def test_forged_participants(begin: Begin, link: Link) -> None:
     """Few are known at a time, and nothing is sent to addresses outside of the robot's network."""
     robot, operator = begin("multicast no\n"), link.operator[0]
@@ -155,13 +169,11 @@ def test_forged_participants(begin: Begin, link: Link) -> None:
     far = [participant(number, DISTANT, FAR) for number in range(20)]
     near = [participant(1000 + number, operator.address, NEAR) for number in range(FORGED)]
     before = look(robot.catalog)[0]
-    announce(link, far + near)
-    wait_until(lambda: sent(link, NEAR) > 0 and
-               (refused(robot) >= FORGED - 2 * PARTICIPANTS or look(robot.catalog)[0] > before + FEW))
+    attempts = announce_again(link, robot, far + near, FORGED - 2 * PARTICIPANTS)
     assert look(robot.catalog)[0] < before + FEW
     wait_until(lambda: sent(link, NEAR) > PARTICIPANTS * 100)
     assert sent(link, FAR) == 0
-    assert sent(link, NEAR) < 3 * sum(map(len, near))
+    assert sent(link, NEAR) < 3 * attempts * sum(map(len, near))
 
 
 def test_forged_writers(begin: Begin, link: Link) -> None:
@@ -173,16 +185,7 @@ def test_forged_writers(begin: Begin, link: Link) -> None:
     large = participant(2, operator.address, NEAR, parameter(0x2c, struct.pack("<I", TOO_LONG) + bytes(TOO_LONG)))
     announce(link, [large])
     wait_until(lambda: refused(robot) == 1)
-
-    attempts = 0
-
-    def all_have_come() -> bool:
-        nonlocal attempts
-        attempts += 1
-        announce(link, [own, *packets])
-        return refused(robot) > 100
-
-    wait_until(all_have_come)
+    attempts = announce_again(link, robot, [own, *packets], 101)
     # Of each attempt those beyond the limit, which the writers that each participant has count for, too.
     assert refused(robot) < 1 + 120 * attempts and not grows(robot, before)
 
