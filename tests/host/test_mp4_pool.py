@@ -111,7 +111,7 @@ def test_full_files_and_splits(desk: Desk) -> None:
 
 @pytest.mark.long
 def test_100_full_files_and_100_splits(desk: Desk) -> None:
-    assert play(desk, noise(desk.folder / "clip.y4m", 20), 100, 3400) > 200
+    assert play(desk, noise(desk.folder / "clip.y4m", 20), 100, 4300) > 200
 
 
 def test_a_gap_begins_the_next_file(desk: Desk) -> None:
@@ -389,5 +389,5 @@ def test_quality_gives_way_before_frames_do(desk: Desk, quality: int, count: int
     wait_until(lambda: 0 < coarse() < count or not quality)
     assert bool(coarse()) == bool(quality)
     status, counters = stop(saver)
-    assert status == 0 and counters["out"] + lost(counters) == count
+    assert status == 0 and counters["out"] + lost(counters) == count and (lost(counters) == 0) == bool(quality)
     assert check(desk)[1]["store"] == counters["lost"]["store"]
