@@ -153,6 +153,29 @@ def test_one_frame(desk: Desk) -> None:
     assert table(data) == (fragments(data), 40_000) and shown(desk.folder / "out.mp4") == [0]
 
 
+def most_in_a_second(path: pathlib.Path) -> int:
+    """kbit, of any 25 frames."""
+    sizes = [frame.size for frame in fragments(path.read_bytes())]
+    return max(sum(sizes[at:at + 25]) for at in range(len(sizes) - 24)) * 8 // 1000
+
+
+def test_a_bitrate(desk: Desk) -> None:
+    """Of noise, which takes more than twice as much without it. x264's buffer of a second is empty at first."""
+    savers = [start_recorder(desk, "-output", f"{kbit}.mp4", "-instance", f"save{kbit}", *options)
+              for kbit, options in ((0, ()), (1000, ("-bitrate", "1000")))]
+    for kbit in (0, 1000):
+        wait_for_recorder(desk, f"save{kbit}")
+    clip = desk.folder / "clip.y4m"
+    clip.write_bytes(ffmpeg("-f", "lavfi", "-i", "testsrc2=size=352x288:rate=25,noise=alls=20:allf=t", "-frames:v",
+                            "125", "-pix_fmt", "yuv420p", "-f", "yuv4mpegpipe", "-"))
+    assert desk.run("ddxvideoload", clip, "-rate", "0", "-readers", "2").returncode == 0
+    for saver in savers:
+        status, counters = stop(saver)
+        assert (status, counters["out"], lost(counters)) == (0, 125, 0)
+    assert most_in_a_second(desk.folder / "0.mp4") > 2000 > most_in_a_second(desk.folder / "1000.mp4")
+    assert (desk.folder / "1000.mp4").stat().st_size * 8 // 1000 < 6.5 * 1000
+
+
 def test_a_clock_that_goes_back(desk: Desk) -> None:
     """A time that does not rise is shown 1 us later; the next ones by their distance from it."""
     capture = [9 * SECOND, 9 * SECOND + 40_000_000, 3 * SECOND, 3 * SECOND, 3 * SECOND + 40_000_000]
