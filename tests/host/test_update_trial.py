@@ -77,7 +77,12 @@ class Machine:
 
     def run(self, command: str = "trial") -> tuple[int, str]:
         process = self.start(command)
-        said, _ = process.communicate(timeout=60)
+        try:
+            said, _ = process.communicate(timeout=60)
+        except subprocess.TimeoutExpired:
+            process.kill()
+            process.communicate()
+            pytest.fail(f"{command} goes on: {self.progress()}")
         return process.returncode, said
 
     def block(self) -> dict[str, str] | None:
