@@ -66,7 +66,7 @@ def visit(robot: NativeMachine, visitor: Visitor) -> None:
     visitor.taps(SWITCH)
     visitor.reads("Switch off: nothing is logged")
     assert state(robot, LOG)["enabled"] is True  # nothing yet
-    visitor.taps(SWITCH)
+    visitor.agrees(SWITCH)
     visitor.sees(f"{SWITCH}.getAttribute('aria-checked') === 'false'")
     assert "enabled=no" in (robot.keep / f"data/ddx/{LOG}.conf").read_text()
     robot.wait_until(f"! kill -0 {pid}")  # the page may see the new setting first

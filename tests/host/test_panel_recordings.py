@@ -97,7 +97,7 @@ def test_a_recording_is_split_verified_and_deleted(root: pathlib.Path, tmp_path:
         visitor.taps("document.getElementById('job-stop')")
         visitor.reads("Stop: it is not finished then")
         assert robot.sh(f"echo {VERIFIES}").strip()
-        visitor.taps("document.getElementById('job-stop')")
+        visitor.agrees("document.getElementById('job-stop')")
         robot.sh(f"kill -CONT {VERIFIES}")
         visitor.reads(f"verify {LARGE}: FAILED.")
         visitor.reads("told to stop")
@@ -111,12 +111,12 @@ def test_a_recording_is_split_verified_and_deleted(root: pathlib.Path, tmp_path:
         visitor.taps(button(first, "Delete"))
         visitor.sees(button(first, f"Delete {first}: it cannot be fetched any more"))
         assert first in [one["recording"] for one in recordings(robot)]
-        visitor.taps(button(first, "Delete"))
+        visitor.agrees(button(first, "Delete"))
         visitor.sees(f"!document.getElementById('recording-{first}')")
         assert first not in [one["recording"] for one in recordings(robot)]
         visitor.taps("document.getElementById('record-stop')")
         assert recordings(robot)[-1]["state"] == "recording"
-        visitor.taps("document.getElementById('record-stop')")
+        visitor.agrees("document.getElementById('record-stop')")
         robot.wait_until("! ddxctl recordings | grep -q ' recording$'")
         visitor.taps("[...document.querySelectorAll('button')].find((one) => one.textContent === 'Start')")
         robot.wait_until("ddxctl recordings | grep -q ' recording$'")

@@ -14,6 +14,7 @@ pytestmark = pytest.mark.retry
 # Keeps the file that the page offers: its policy does not let scripts fetch it.
 KEEP = "{ const make = URL.createObjectURL; URL.createObjectURL = (blob) => make(globalThis.kept = blob); }"
 MINE = "ddxvideosend.to-127-0-0-1"
+LONGEST = "fd12:3456:789a:bcde:f012:3456:789a:bcde"
 
 
 def button(name: str, text: str) -> str:
@@ -49,19 +50,23 @@ def test_streams_come_and_go(root: pathlib.Path, tmp_path: pathlib.Path) -> None
         visitor.taps(button(MINE, "Remove"))
         visitor.reads(f"Remove {MINE}: its viewers see nothing")
         assert (settings / f"{MINE}.conf").exists()
-        visitor.taps(button(MINE, "Remove"))
+        visitor.agrees(button(MINE, "Remove"))
         visitor.sees(f"!document.getElementById('stream-{MINE}')")
         assert not (settings / f"{MINE}.conf").exists()
         # The form.
         visitor.taps("document.querySelector('#add-stream summary')")
-        for name, value in (("name", "vlc"), ("port", "8010"), ("ts", "8100")):
+        for name, value in (("name", "vlc"), ("item", "late"), ("port", "8010"), ("ts", "8100")):
             visitor.browser.value(f"document.getElementById('stream-{name}').value = '{value}'")
         visitor.taps("document.querySelector('#add-stream button')")
         visitor.sees(button("ddxvideosend.vlc", "File for players"))
         assert (settings / "ddxvideosend.vlc.conf").read_text().splitlines() == [
-            "enabled=yes", "name=video", "port=8010", "ts=8100"]
+            "enabled=yes", "name=late", "port=8010", "ts=8100"]
+        # An item without pictures: the page asks until there is one.
+        visitor.taps(button("ddxvideosend.vlc", "File for players"))
+        visitor.reads("ddxvideosend.vlc has sent no picture yet")
+        robot.sh("ddxvideoload /test/clip.y4m -rate 0 -name late -instance late")
+        visitor.reads("Save ddxvideosend.vlc.sdp")
         visitor.browser.value("document.getElementById('stream-name').value = 'odd'")
-        visitor.browser.value("document.getElementById('stream-port').value = '8010'")
         visitor.browser.value("document.getElementById('stream-to').value = 'nowhere'")
         visitor.taps("document.querySelector('#add-stream button')")
         visitor.sees("/^(?!add ).*nowhere/.test(document.getElementById('notice').textContent)")
@@ -73,7 +78,25 @@ def test_streams_come_and_go(root: pathlib.Path, tmp_path: pathlib.Path) -> None
         visitor.taps("document.getElementById('reset')")
         visitor.reads("Reset: all switching and added streams are undone")
         assert (settings / "ddxvideosend.vlc.conf").exists()
-        visitor.taps("document.getElementById('reset')")
+        visitor.agrees("document.getElementById('reset')")
         robot.wait_until("! ls /data/ddx/*.conf")
         robot.wait_until("[ $(ddxctl logs ddxpanel | grep -c ready) = 2 ]")
         robot.wait_until("! ddxctl services | grep -q vlc")
+
+
+@pytest.mark.long
+def test_a_visitor_with_the_longest_address(root: pathlib.Path, tmp_path: pathlib.Path) -> None:
+    """The name of its stream is as long as names of instances may be."""
+    with panel.filming(root, tmp_path / "machine") as robot, Visitor(
+            robot, tmp_path / "browser", panel.certificate(robot)) as visitor:
+        robot.sh(f"ip addr add {LONGEST}/128 dev lo")
+        visitor.open(f"https://[{LONGEST}]/")
+        visitor.sees("document.getElementById('passphrase')")
+        visitor.logs_in(PASSPHRASE)
+        visitor.sees("document.querySelector('a[href=\"#streams\"]')")
+        visitor.taps("document.querySelector('a[href=\"#streams\"]')")
+        visitor.sees(button("ddxvideosend", "Switch on"))
+        visitor.taps("document.getElementById('watch')")
+        name = "ddxvideosend.to" + LONGEST.replace(":", "-")
+        visitor.reads(f"Save {name}.sdp")
+        assert f"to={LONGEST}" in (robot.keep / f"data/ddx/{name}.conf").read_text().splitlines()

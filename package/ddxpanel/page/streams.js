@@ -4,13 +4,15 @@ import { armed, element, notice } from "./dom.js";
 import { Refused, change, order, session } from "./robot.js";
 
 const PROGRAM = "ddxvideosend"; // the image's own stream; ddxvideosend.NAME are those that were added
+const AGAIN_MS = 5000; // until the machine is asked again for a file that it does not have yet
+const LONGEST = 39; // characters of an address; a service's name has 54 at most
 const COST = "Each stream costs the machine processor time: remove those that are not watched.";
 
 async function lines(words) {
 	const said = [];
 	const how = await order(words, (line) => said.push(line));
-	if (how.end !== "exited" || how.status !== 0) throw new Refused(0, said.join(" ").replace(/ddxctl: (stream: )?/g, ""));
-	return said;
+	if (how.end === "exited" && how.status === 0) return said;
+	throw new Refused(0, said.join(" ").replace(/ddxctl: (stream: )?/g, "") || `${words.join(" ")}: ${how.end}`);
 }
 
 // The description of a stream (SDP), without what `ddxctl stream` says besides.
@@ -23,18 +25,32 @@ function destination(sdp) {
 	return `to ${value("c=IN ").replace(/^IP[46] /, "").replace(/\/.*/, "")}, port ${value("m=video ").split(" ")[0]}`;
 }
 
+// A description as soon as there is one; until then the line has the reason. Null: the line is not shown any more.
+async function awaited(name, line) {
+	while (line.isConnected) {
+		try {
+			const sdp = document.hidden ? null : await description(name);
+			if (sdp) return line.isConnected ? sdp : null;
+		} catch (error) {
+			if (error instanceof Refused && error.status === 401) throw error;
+			line.textContent = error instanceof Refused ? error.message : "no connection to the machine";
+			line.className = "bad";
+		}
+		await new Promise((done) => { setTimeout(done, AGAIN_MS); });
+	}
+	return null;
+}
+
 // Shows where a stream goes, and a link that saves its file, in `place`.
 async function offer(name, place) {
-	place.replaceChildren(element("p", { class: "dim" }, "waits for the first picture ..."));
-	try {
-		const sdp = await description(name);
-		const file = URL.createObjectURL(new Blob([sdp.join("\r\n"), "\r\n"], { type: "application/sdp" }));
-		place.replaceChildren(element("p", { class: "dim" }, destination(sdp)), element("div", { class: "buttons" },
-			element("a", { class: "button main", href: file, download: `${name}.sdp` }, `Save ${name}.sdp`)),
-			element("p", { class: "dim" }, "Open that file with VLC or another player on this device."));
-	} catch (error) {
-		place.replaceChildren(element("p", { class: "bad" }, error.message));
-	}
+	const line = element("p", { class: "dim" }, "waits for the first picture ...");
+	place.replaceChildren(line);
+	const sdp = await awaited(name, line);
+	if (!sdp) return;
+	const file = URL.createObjectURL(new Blob([sdp.join("\r\n"), "\r\n"], { type: "application/sdp" }));
+	place.replaceChildren(element("p", { class: "dim" }, destination(sdp)), element("div", { class: "buttons" },
+		element("a", { class: "button main", href: file, download: `${name}.sdp` }, `Save ${name}.sdp`)),
+		element("p", { class: "dim" }, "Open that file with VLC or another player on this device."));
 }
 
 function streamCard(one, say) {
@@ -77,13 +93,14 @@ function form(say) {
 export function streams(place) {
 	const list = element("div", {}, element("p", { class: "dim" }, "...")), file = element("div", { id: "watch-file" });
 	const drawn = new Map(); // by name: what is shown, so that a button that waits for its second tap stays
-	let known = [];
+	let known = [], watched = ""; // all streams; the name of the one whose file is offered above them
 
 	const say = async (words) => {
 		notice(`${words.join(" ")} ...`, 60);
 		const reason = await change(words);
 		notice(reason || "done", reason ? 20 : 3);
-		await refresh();
+		if (!reason && words[0] === "remove" && words[1] === watched) file.replaceChildren();
+		await refresh().catch(() => {}); // the list is asked for again in a moment
 		return !reason;
 	};
 
@@ -93,9 +110,12 @@ export function streams(place) {
 			notice("open this page by the machine's IPv4 address: a stream cannot be sent to a link-local one", 20);
 			return;
 		}
-		const name = `${PROGRAM}.to-${address.replace(/[^0-9A-Za-z]/g, "-")}`;
+		const device = address.replace(/[^0-9A-Za-z]/g, "-");
+		const name = `${PROGRAM}.to${device.length < LONGEST ? "-" : ""}${device}`;
 		const exists = known.some((one) => one.name === name);
-		if (exists || await say(["add", name, "group=none", `to=${address}`])) await offer(name, file);
+		if (!exists && !await say(["add", name, "group=none", `to=${address}`])) return;
+		watched = name;
+		await offer(name, file);
 	};
 
 	const refresh = async () => {

@@ -170,6 +170,11 @@ class Visitor(Closing):
     def taps(self, expression: str) -> None:
         self.browser.value(f"{expression}.click()")
 
+    def agrees(self, expression: str) -> None:
+        """The second tap on a button that has named its consequence; both taps, if the page has taken that back."""
+        self.browser.value(f"((one) => {{ if (!one.classList.contains('danger')) one.click(); one.click(); }})"
+                           f"({expression})")
+
     def logs_in(self, passphrase: str) -> None:
         self.browser.value(f"document.getElementById('passphrase').value = {json.dumps(passphrase)}")
         self.taps("document.querySelector('form button')")
