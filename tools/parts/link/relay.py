@@ -277,8 +277,9 @@ class Relay:
 
 def main() -> None:
     relay = Relay(int(sys.argv[1]), float(sys.argv[2]) / 1000, int(sys.argv[3]), "meet" in sys.argv[4:])
-    with contextlib.suppress(PermissionError):  # so that load by the programs at both ends adds no delay
-        os.sched_setscheduler(0, os.SCHED_FIFO, os.sched_param(1))
+    # Above the programs at both ends, which may have a real-time priority themselves: their load adds no delay.
+    with contextlib.suppress(PermissionError):
+        os.sched_setscheduler(0, os.SCHED_FIFO, os.sched_param(os.sched_getparam(0).sched_priority + 1))
     print(json.dumps([port.namespace for port in relay.ports]), flush=True)
     relay.run()
 
