@@ -1,8 +1,8 @@
 /* SPDX-License-Identifier: GPL-2.0-or-later */
 /*
  * Preloaded: a disk that stalls as long as a test wants. While the file $STALLED_SYNC exists, fdatasync() and syncfs()
- * do not return; likewise $STALLED_OPEN and the first open() of a recording, $STALLED_FSYNC and fsync(). While
- * $FAILED_SYNC exists, fdatasync() fails. With $LOCKED_FIRST, the first lock is already taken.
+ * do not return; likewise $STALLED_OPEN and the first open() of a recording, $STALLED_FSYNC and fsync(), $STALLED_WRITE
+ * and pwrite(). While $FAILED_SYNC exists, fdatasync() fails. With $LOCKED_FIRST, the first lock is already taken.
  *
  * Linux reports a failed write once: if the file $FAILED_FLUSH exists, the next fdatasync() or syncfs() of a file whose
  * path ends with $FAILED_OF removes it and fails; with $FAILED_FSYNC, the next fsync(). $FLUSHED gets a byte for each
@@ -20,6 +20,7 @@
 #include <string.h>
 #include <sys/file.h>
 #include <sys/syscall.h>
+#include <sys/types.h>
 #include <unistd.h>
 
 static void stall(const char *name) {
@@ -38,6 +39,11 @@ static int fails_once(const char *name, int fd) {
         return 0;
     errno = EIO;
     return 1;
+}
+
+ssize_t pwrite64(int fd, const void *from, size_t size, off64_t at) {
+    stall("STALLED_WRITE");
+    return (ssize_t)syscall(SYS_pwrite64, fd, from, size, at);
 }
 
 int fsync(int fd) {

@@ -8,20 +8,20 @@ import subprocess
 
 import pytest
 
-from .programs import Desk, Process, lost, make_clip, pictures, start_recorder, stop, wait_until
+from .programs import Desk, Process, lost, make_clip, pictures, start_recorder, stop, wait_for_recorder, wait_until
 from .test_record_commands import command, count, reached
 
 pytestmark = pytest.mark.strict
 
 
 class StalledDisk:
-    """A recorder's disk that hangs between stall() and go_on(), for syncs or for the first open."""
+    """A recorder's disk that hangs between stall() and go_on(), for syncs, writes or the first open."""
 
     def __init__(self, folder: pathlib.Path) -> None:
         source = pathlib.Path(__file__).with_name("stalled_disk.c")
         subprocess.run(["gcc", "-Wall", "-Wextra", "-Werror", "-shared", "-fPIC", source, "-o", folder / "stall.so"],
                        check=True)
-        self.files = {what: folder / f"stalled-{what}" for what in ("sync", "open")}
+        self.files = {what: folder / f"stalled-{what}" for what in ("sync", "write", "open")}
         self.wrapper = ("env", f"LD_PRELOAD={folder}/stall.so",
                         *(f"STALLED_{what.upper()}={file}" for what, file in self.files.items()))
 
@@ -112,6 +112,24 @@ def test_frames_beyond_the_ring_are_counted(desk: Desk, disk: StalledDisk) -> No
     shown = [picture for file in recorded(desk) for picture in file]
     played = iter(pictures(clip))
     assert len(shown) == saved["out"] and all(picture in played for picture in shown)  # in order
+
+
+@pytest.mark.parametrize("format", ["y4m", "h264"])
+def test_a_disk_that_hangs_for_five_seconds(desk: Desk, disk: StalledDisk, format: str) -> None:
+    """The usual ring has room for 2.5 s of Y4M, and for these frames in H.264: none is lost."""
+    saver = start_recorder(desk, "-output", "rec", "-segment", 32, "-format", format, wrapper=disk.wrapper)
+    wait_for_recorder(desk)
+    for played, frames in ((5, 5), (130, 125)):
+        clip = make_clip(desk.folder / "clip.y4m", frames=frames)
+        assert desk.run("ddxvideoload", clip, "-rate", "0", "-readers", "1").returncode == 0
+        reached(desk, "in", played - 1)
+        if played == 5:
+            reached(desk, "out", played - 1)
+            disk.stall("write")
+    disk.go_on()
+    status, saved = stop(saver)
+    assert (status, saved["in"]) == (0, 130) and saved["out"] + lost(saved) == 130
+    assert lost(saved) == saved["lost"]["ring"] and bool(lost(saved)) == (format == "y4m")
 
 
 def test_a_new_file_that_another_user_locks_first(desk: Desk, disk: StalledDisk) -> None:
