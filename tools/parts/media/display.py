@@ -11,9 +11,9 @@ PATIENCE = 15  # s, for a machine that hangs
 class Display(Closing):
     """Xvfb on the next free number; `name` is the value for DISPLAY."""
 
-    def __init__(self) -> None:
+    def __init__(self, size: str = "1280x1024") -> None:
         read, write = os.pipe()
-        self.server = subprocess.Popen([*MORTAL, "Xvfb", "-displayfd", str(write), "-screen", "0", "1280x1024x24",
+        self.server = subprocess.Popen([*MORTAL, "Xvfb", "-displayfd", str(write), "-screen", "0", f"{size}x24",
                                         "-nolisten", "tcp", "-noreset"], pass_fds=[write], stderr=subprocess.DEVNULL)
         os.close(write)
         with os.fdopen(read) as said:
