@@ -51,6 +51,10 @@ class Browser:
         self._order("Emulation.setDeviceMetricsOverride", width=width, height=height, deviceScaleFactor=1, mobile=True)
         self._order("Emulation.setEmulatedMedia", features=[{"name": "prefers-color-scheme", "value": scheme}])
 
+    def slow(self, times: int) -> None:
+        """Give the page's scripts and drawing so much less of a processor."""
+        self._order("Emulation.setCPUThrottlingRate", rate=times)
+
     def picture(self, path: pathlib.Path) -> None:
         """Write what the screen shows, as PNG."""
         path.write_bytes(base64.b64decode(self._order("Page.captureScreenshot", format="png")["data"]))
