@@ -13,16 +13,23 @@ from parts.image import rootfs
 VERSION = "9.9.9 (new)"
 # A trial of seconds: an emulated machine boots slowly, but nothing is judged by its speed.
 RULES = "good=15\ndeadline=120\nwatchdog=90\n"
+# QEMU's hardware watchdog; the machine does start again.
+DOG = ("-device", "i6300esb", "-action", "reboot=reset,watchdog=reset")
+# A trial to its deadline records more than the disk takes.
+SETTINGS = {"ddxvideoload.conf": "loop=\nreaders=1\n", "ddxvideosave.conf": "segment=8\nfull=recycle\n"}
+RECORDS = "ddxctl stats --json | grep -q '\"instance\":\"ddxvideosave\",\"in\":[1-9]'"
 Change = Callable[[pathlib.Path], object]
 
 
-def make(root: pathlib.Path, image: pathlib.Path, change: Change = lambda folder: None) -> pathlib.Path:
+def make(root: pathlib.Path, image: pathlib.Path, change: Change = lambda folder: None,
+         version: str = VERSION) -> pathlib.Path:
     """A squashfs of the unpacked `root` with another version, a short trial, and one change more."""
     with scratch() as folder:
         copy = folder / "root"
         run(["cp", "-a", root, copy])
         release = copy / "usr/lib/os-release"
-        release.write_text(re.sub("^VERSION=.*$", f'VERSION="{VERSION}"', release.read_text(), flags=re.MULTILINE))
+        text = re.sub("^VERSION=.*$", f'VERSION="{version}"', release.read_text(), flags=re.MULTILINE)
+        release.write_text(re.sub("^PRETTY_NAME=.*$", f'PRETTY_NAME="DDXVIDEO {version}"', text, flags=re.MULTILINE))
         (copy / "etc/ddx/trial").write_text(RULES)
         change(copy)
         shutil.copy(build.DEV / "boot-files.actions", folder)  # the list is the same for all boards

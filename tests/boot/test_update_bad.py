@@ -1,6 +1,5 @@
 # SPDX-License-Identifier: GPL-2.0-or-later
-"""A bad version is taken back without help: the older one records again, and reports why. A good one is kept on a
-machine whose settings are lost or have no room."""
+"""A bad version is taken back without help: the older one records again, and reports why."""
 import dataclasses
 import json
 import pathlib
@@ -8,23 +7,17 @@ import pathlib
 import pytest
 
 from parts.common import run
-from parts.disk import mbr
 from parts.disk.disk import Disk
 from parts.guest import guest_camera, testdisk
 from parts.guest.laptop import forward, free_port
 from parts.guest.qemu import Boot
 
 from . import slot_image
-from .slot_image import Change, remove, script
+from .slot_image import DOG, RECORDS, SETTINGS, Change, remove, script
 from .test_slots import SLOT
 
 pytestmark = [pytest.mark.retry, pytest.mark.long]
 
-# QEMU's hardware watchdog; the machine does start again.
-DOG = ("-device", "i6300esb", "-action", "reboot=reset,watchdog=reset")
-# A trial to its deadline records more than the disk takes.
-SETTINGS = {"ddxvideoload.conf": "loop=\nreaders=1\n", "ddxvideosave.conf": "segment=8\nfull=recycle\n"}
-RECORDS = "ddxctl stats --json | grep -q '\"instance\":\"ddxvideosave\",\"in\":[1-9]'"
 THRICE = "it was started three times, and each time it stopped or hung"
 
 
@@ -140,33 +133,3 @@ def test_a_version_without_the_camera_s_driver(boot: Boot, root: pathlib.Path, t
         assert status["last"] == "returned"
         assert status["reason"] in (f"{guest_camera.GRABBER}: no new frame", "ddxvideosave: no new frame")
         guest.wait_until(flows)
-
-
-@pytest.mark.parametrize("how", ["full", "lost"])
-def test_a_version_is_kept_without_a_note(boot: Boot, image: pathlib.Path, root: pathlib.Path, tmp_path: pathlib.Path,
-                                          clip: pathlib.Path, how: str) -> None:
-    """/data is full, or cannot be mounted and is forgotten at the restart: what is enabled has to run."""
-    new = slot_image.make(root, tmp_path / "new.squashfs")
-    disk = testdisk.make(tmp_path / "clip.img", clip, SETTINGS)
-
-    def fill(disk: Disk) -> None:
-        disk.write(SLOT["B"], new.read_bytes())
-        if how == "lost":
-            part = mbr.partition(image, 5)
-            disk.erase(part.begin, part.end - part.begin)
-
-    with boot("no-data", test_disk=disk, prepare=fill, extra=DOG, more_memory=64) as guest:
-        guest.shell()
-        guest.wait_until(RECORDS)
-        guest.wait_until("! pidof slot-came-up > /dev/null")
-        if how == "full":
-            guest.sh("dd if=/dev/zero of=/data/full bs=1024 2> /dev/null || true")
-        guest.shell().begin("ddxctl update start")
-        guest.wait_for_event("RESET")
-        guest.reset()
-        guest.shell()
-        assert "ddx.slot=B" in guest.sh("cat /proc/cmdline").split()
-        guest.wait_until("ddxctl update status --json | grep -q '\"last\":\"\\(none\\|kept\\)\"'")
-        assert guest.environment() == {"slot": "B"}
-        assert guest.sh("[ -e /data/update ] && cat /data/update || true").count("result=begun") == 0
-        guest.wait_until(RECORDS)
