@@ -27,7 +27,7 @@ BOARD = os.environ.get("BOARD") or machine.DEV
 MACHINES = machine.machines(BOARD)
 # The development image's kernel and loader are not the product's: with its second firmware, run only these. With the
 # first one, the gate boots past a damaged slot in test_rescue.py, so that these are `long`.
-OFTEN = ("test_slots.py",)
+OFTEN = ("test_slots.py", "test_updatecut.py")
 WORK = OUTPUT / "test" / BOARD / os.environ.get("PYTEST_XDIST_WORKER", "")
 # Tests that share one of these guests run in one process; other tests are grouped by file.
 SHARED = {"guest": "clip", "recorded": "clip", "closed": "clip", "camera_guest": "camera", "bus_guest": "bus",

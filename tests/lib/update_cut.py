@@ -4,7 +4,7 @@ disk boots."""
 import dataclasses
 import pathlib
 import random
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Mapping
 
 from lib.boot_block import BYTES, Block, block_of, make_fat, text_of
 from parts.common import TOP, run, scratch
@@ -45,16 +45,18 @@ class State:
 
 
 class Cuts:
-    """All states of a disk while its logged writes happened."""
+    """All states of a disk while its logged writes happened. `before` is the disk's content up to the end of the last
+    slot, or more: what is written after that is of no interest."""
 
-    def __init__(self, before: bytes, block_at: int, log: pathlib.Path, step: int) -> None:
+    def __init__(self, before: bytes, block_at: int, log: pathlib.Path, step: int,
+                 slots: Mapping[str, tuple[int, int]] = SLOTS) -> None:
         """A write of the block or of the first MiB of a slot is cut at each `step`th sector."""
-        self.disk, self.block_at, self.step = blocklog.LoggedDisk(0, before), block_at, step
-        self.entries = [entry for entry in blocklog.entries(log) if entry.offset < SIZE]
+        self.disk, self.block_at, self.step, self.slots = blocklog.LoggedDisk(0, before), block_at, step, slots
+        self.entries = [entry for entry in blocklog.entries(log) if entry.offset < len(before)]
         self.chance = random.Random(7)
 
     def _view(self, begin: int, size: int, written: Writes) -> bytes:
-        part = bytearray(self.disk.safe[begin:begin + size])
+        part = self.disk.safe[begin:begin + size]
         for at, data in written:
             low, high = max(at, begin), min(at + len(data), begin + size)
             if low < high:
@@ -63,28 +65,33 @@ class Cuts:
 
     def state(self, written: Writes, how: str) -> State:
         return State(self._view(self.block_at, BYTES, written),
-                     {name: self._view(begin, size, written) for name, (begin, size) in SLOTS.items()}, how)
+                     {name: self._view(begin, size, written) for name, (begin, size) in self.slots.items()}, how)
 
     def _is_sensitive(self, at: int) -> bool:
         return self.block_at <= at < self.block_at + BYTES or any(
-            begin <= at < begin + MIB for begin, _ in SLOTS.values())
+            begin <= at < begin + MIB for begin, _ in self.slots.values())
 
-    def _pieces(self, number: int, entry: blocklog.Entry) -> Iterator[State]:
+    def _pieces(self, number: int, entry: blocklog.Entry) -> Iterator[tuple[Writes, str]]:
         """The entry's first sectors alone."""
         for size in range(SECTOR, len(entry.data), SECTOR * self.step):
-            yield self.state([*self.disk.all_written(), (entry.offset, entry.data[:size])],
-                             f"write {number} at {entry.offset}: its first {size} bytes")
+            yield ([*self.disk.all_written(), (entry.offset, entry.data[:size])],
+                   f"write {number} at {entry.offset}: its first {size} bytes")
 
-    def states(self) -> Iterator[State]:
+    def cuts(self) -> Iterator[tuple[Writes, str]]:
+        """What was written of that which no flush covered, and how it came about. For state(), and for the disk's
+        make(), until the next one is taken."""
         for number, entry in enumerate(self.entries):
             if entry.data and self._is_sensitive(entry.offset):
                 yield from self._pieces(number, entry)
             if not self.disk.add(entry):
                 continue
-            yield self.state(self.disk.all_written(), f"write {number} at {entry.offset}")
+            yield self.disk.all_written(), f"write {number} at {entry.offset}"
             for variant in range(3):
-                yield self.state(self.disk.some_written(self.chance),
-                                 f"write {number} at {entry.offset}, variant {variant}")
+                yield self.disk.some_written(self.chance), f"write {number} at {entry.offset}, variant {variant}"
+
+    def states(self) -> Iterator[State]:
+        for written, how in self.cuts():
+            yield self.state(written, how)
 
     def strays(self, allowed: list[tuple[int, int]]) -> list[int]:
         """Writes outside of these ranges, given as offset and size."""
@@ -92,18 +99,21 @@ class Cuts:
             begin <= entry.offset and entry.offset + len(entry.data) <= begin + size for begin, size in allowed)]
 
 
+def booted(state: State, menu: Menu, lost: bool = False) -> tuple[str, str]:
+    """The slot that GRUB's menu chooses, and the one that it boots. `lost`: the block is zeroed."""
+    chosen = menu({} if lost else block_of(state.block) or {})
+    return chosen, chosen if state.slots[chosen].startswith(MAGIC) else "B" if chosen == "A" else "A"
+
+
 def wrong(state: State, menu: Menu, whole: list[bytes], firm: bool) -> Iterator[str]:
     """What such a disk would do that it must not. `whole`: contents of a slot that may be booted. `firm`: the chosen
     slot is whole itself; otherwise GRUB may find no kernel there, and boot the other slot."""
     good = {name: any(slot.startswith(one) for one in whole) for name, slot in state.slots.items()}
-    kernel = {name: slot.startswith(MAGIC) for name, slot in state.slots.items()}
-    for name in state.slots:
-        if kernel[name] and not good[name]:
+    for name, slot in state.slots.items():
+        if slot.startswith(MAGIC) and not good[name]:
             yield f"{state.how}: slot {name} has a kernel, but is not whole"
-    for block, lost in [(block_of(state.block), False), (None, True)]:
-        chosen = menu(block or {})
-        other = "B" if chosen == "A" else "A"
-        boots = chosen if kernel[chosen] else other
+    for lost in (False, True):
+        chosen, boots = booted(state, menu, lost)
         if not good[boots]:
             yield f"{state.how}{', block zeroed' if lost else ''}: slot {boots} is booted, and is not whole"
         if firm and not lost and not good[chosen]:
