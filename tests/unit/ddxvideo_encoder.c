@@ -72,12 +72,14 @@ static struct parts look_at(const struct encoded *encoded) {
     return parts;
 }
 
-/* One slice a frame, parameter sets each second, one key frame, a renewal every four seconds, no text. */
+/* One slice a frame, parameter sets each second, one key frame, renewals as asked for, no text. */
 static void test_h264_frames(bool fast) {
     struct encoder encoder;
     int sets_at = 0, recoveries = 0;
     open_encoder(&encoder, RTP_H264, fast);
     for (int i = 0; i < PICTURES; i++) {
+        if (i && i % (4 * RATE) == 0)
+            encoder_refresh(&encoder, false);
         struct encoded encoded = encode(&encoder, i, 0);
         struct parts parts = look_at(&encoded);
         CHECK_EQUAL(parts.slices, 1);

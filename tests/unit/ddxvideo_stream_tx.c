@@ -450,6 +450,35 @@ static void check_refresh(void) {
     }
 }
 
+/* Renewals within a minute that no receiver has asked for: fewer at a loss, but not with receivers without repair. */
+static unsigned count_renewals(bool renews, uint8_t lost, double others) {
+    unsigned count = 0;
+    size_t whole;
+
+    begin(1000000);
+    tx.settings.renews = renews;
+    tx.settings.others = others;
+    loss = lost;
+    for (int64_t end = now + 60000 * MS; now < end;) {
+        write_frame(1, 200);
+        run(INTERVAL, 1, 0);
+        report((uint16_t)(sequence - 1), sequence, 0, MS);
+        if (stream_tx_wants_refresh(&tx, now, &whole)) {
+            CHECK_EQUAL(whole, 0);
+            count++;
+        }
+    }
+    loss = 0;
+    return count;
+}
+
+static void check_renewals(void) {
+    CHECK_EQUAL(count_renewals(true, 0, 0), 15);
+    CHECK_EQUAL(count_renewals(true, 77, 0), 3);
+    CHECK_EQUAL(count_renewals(true, 77, 0.5), 15);
+    CHECK_EQUAL(count_renewals(false, 0, 0), 0);
+}
+
 /* A clock that goes back adds no bytes. */
 static void check_clock(void) {
     struct budget budget;
@@ -481,6 +510,7 @@ int main(void) {
     check_reports_beyond_the_newest_packet();
     check_loss_memory();
     check_refresh();
+    check_renewals();
     check_clock();
     return 0;
 }

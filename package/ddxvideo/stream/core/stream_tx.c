@@ -16,6 +16,7 @@ void stream_tx_init(struct stream_tx *tx, const struct stream_tx_settings *setti
     tx->next = now;
     tx->refreshed = now - SECOND;
     tx->whole = now - tuning.whole_every;
+    tx->renewed = now;
     frame_rate_init(&tx->frames, now);
     tx->patience = tuning.skip_frames_most;
     tx->link.wire = settings->wire - settings->wire / 200;
@@ -111,12 +112,26 @@ void stream_tx_report(struct stream_tx *tx, int64_t now, const uint8_t *data, si
         link_rate_follow(&tx->link, &tx->budget, feedback_nearest(&tx->feedback, now), now);
 }
 
+/* Receivers of another copy of the stream have no repair, and cannot ask. */
+static bool is_renewal_due(const struct stream_tx *tx, int64_t now) {
+    double loss, run;
+
+    feedback_losses(&tx->feedback, now, &loss, &run);
+    bool loses = loss > tuning.margin_loss && !(tx->settings.others > 0);
+    return tx->settings.renews && now - tx->renewed >= (loses ? tuning.renewal_in_loss : tuning.renewal);
+}
+
 bool stream_tx_wants_refresh(struct stream_tx *tx, int64_t now, size_t *whole) {
-    if (!tx->refresh || now - tx->refreshed < SECOND)
+    bool asked = tx->refresh && now - tx->refreshed >= SECOND;
+
+    if (!asked && !is_renewal_due(tx, now))
         return false;
+    tx->renewed = now;
+    *whole = 0;
+    if (!asked)
+        return true;
     tx->refresh = false;
     tx->refreshed = now;
-    *whole = 0;
     if (now - tx->whole < tuning.whole_every)
         return true;
     tx->whole = now;

@@ -51,6 +51,7 @@ struct stream_tx_settings {
     int64_t interval; /* ns from frame to frame */
     size_t header;    /* bytes added to an RTP packet: IP and UDP headers, encryption */
     bool repair;      /* repair packets are sent */
+    bool renews;      /* stream_tx_wants_refresh() asks for regular renewals, too: the encoder makes none by itself */
     double ratio;     /* of repair packets to media packets while no receiver has reported: STREAM_TX_RATIO */
     double others;    /* bytes of other packets for each byte of media, at least */
     uint32_t media_ssrc, repair_ssrc;
@@ -83,7 +84,8 @@ struct stream_tx {
     double patience;  /* and those that still may be */
     struct frame_rate frames;
     bool refresh;
-    int64_t refreshed, whole; /* times of the last renewal, and of the last whole picture */
+    int64_t refreshed, whole; /* times of the last answer to a request, and of the last whole picture */
+    int64_t renewed;          /* time of the last renewal, regular or not */
     struct repair_window window;
 };
 
@@ -122,6 +124,10 @@ bool stream_tx_other(struct stream_tx *tx, int64_t now, size_t size);
  * Whether a receiver needs a whole picture. True at most once a second; that ends the request. *whole: bytes of a whole
  * picture that may be sent at once; 0: the next frames must renew the picture, because one was sent less than four
  * seconds ago. So requests, which can be forged, do not fill the rate with bad pictures.
+ *
+ * With settings.renews, a renewal is also wanted every four seconds, for receivers that cannot ask, and every 20 s
+ * while a receiver that reports loses packets: what the loss leaves of the rate is too little for good pictures during
+ * one, and a receiver without reports and repair loses most frames then.
  */
 bool stream_tx_wants_refresh(struct stream_tx *tx, int64_t now, size_t *whole);
 

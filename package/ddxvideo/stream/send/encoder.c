@@ -12,8 +12,8 @@
 
 /* ---- H.264, each frame one slice: only the first one is a key frame, later ones renew columns of macroblocks ---- */
 
-#define RENEWAL_SECONDS 4 /* s from one renewal of the picture to the next: renewal in each second would cost 1.5 dB */
-#define SETS_SECONDS 1    /* s */
+#define RENEWAL_SECONDS 60       /* s from one renewal of the picture to the next, if encoder_refresh() does not ask */
+#define SETS_SECONDS 1           /* s */
 #define PERIOD_PICTURES_LEAST 10 /* pictures, of both */
 
 /*
