@@ -105,8 +105,9 @@ def play(desk: Desk, clip: pathlib.Path, splits: int, count: int) -> int:
 
 
 def test_full_files_and_splits(desk: Desk) -> None:
-    """No frame is missing or twice, and each file decodes alone."""
-    assert play(desk, noise(desk.folder / "clip.y4m", 20), 2, 75) > 4
+    """No frame is missing or twice, and each file decodes alone. A file has room for 24 of these frames, and a busy
+    machine splits late."""
+    assert play(desk, noise(desk.folder / "clip.y4m", 20), 2, 110) > 4
 
 
 @pytest.mark.long
