@@ -43,13 +43,23 @@ static unsigned load(const char *path, struct y4m_reader *reader) {
     return count;
 }
 
+/* The next picture, renewed as often as by the sender without loss. */
+static int encode(struct encoder *encoder, unsigned number, unsigned count, struct encoded *encoded) {
+    const struct ddxvideo_geometry *geometry = &encoder->geometry;
+    unsigned period = (unsigned)(ENCODER_RENEWAL_SECONDS * geometry->rate_num / geometry->rate_den);
+
+    if (encoder->type == RTP_H264 && period && number && number % period == 0)
+        encoder_refresh(encoder, false);
+    return encoder_encode(encoder, &picture[number % count], 0, encoded);
+}
+
 static int encode_for_ever(struct encoder *encoder, unsigned count) {
     struct encoded encoded;
     struct timespec due;
 
     clock_gettime(CLOCK_MONOTONIC, &due);
-    for (unsigned number = 0;; number = (number + 1) % count) {
-        int error = encoder_encode(encoder, &picture[number], 0, &encoded);
+    for (unsigned number = 0;; number++) {
+        int error = encode(encoder, number, count, &encoded);
         if (error)
             return fail("encoder", av_err2str(error));
         wait_until_due(&due, &encoder->geometry);
@@ -66,7 +76,7 @@ static int encode_once(struct encoder *encoder, unsigned count, const char *path
         return fail(path, strerror(errno));
     clock_t begin = clock();
     for (unsigned number = 0; number < count && !error; number++) {
-        error = encoder_encode(encoder, &picture[number], 0, &encoded);
+        error = encode(encoder, number, count, &encoded);
         if (!error)
             bytes += fwrite(encoded.data, 1, encoded.size, file);
     }

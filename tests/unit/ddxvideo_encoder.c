@@ -38,11 +38,15 @@ static struct ddxvideo_picture draw(int number) {
     return picture;
 }
 
-static void open_encoder(struct encoder *encoder, enum rtp_type type, bool fast) {
+static void open_at(struct encoder *encoder, enum rtp_type type, bool fast, int rate) {
     const struct encoder_settings settings = {.type = type, .bitrate = BITRATE, .fast = fast};
-    const struct ddxvideo_geometry geometry = {.width = WIDTH, .height = HEIGHT, .rate_num = RATE, .rate_den = 1};
+    const struct ddxvideo_geometry geometry = {.width = WIDTH, .height = HEIGHT, .rate_num = rate, .rate_den = 1};
     CHECK_EQUAL(encoder_open(encoder, &settings, &geometry), 0);
     CHECK(encoder_is_open(encoder));
+}
+
+static void open_encoder(struct encoder *encoder, enum rtp_type type, bool fast) {
+    open_at(encoder, type, fast, RATE);
 }
 
 static struct encoded encode(struct encoder *encoder, int number, size_t wanted) {
@@ -181,6 +185,17 @@ static void test_refresh_h264(void) {
     encoder_close(&encoder);
 }
 
+/* At five pictures a second, four seconds have fewer pictures than each has columns: it is renewed all the time. */
+static void test_renewal_of_slow_pictures(void) {
+    struct encoder encoder;
+    open_at(&encoder, RTP_H264, false, 5);
+    for (int i = 0; i < 50; i++) {
+        struct encoded encoded = encode(&encoder, i, 0);
+        CHECK_EQUAL(look_at(&encoded).recoveries > 0, i == 20 || i == 40);
+    }
+    encoder_close(&encoder);
+}
+
 /* A whole picture is one key frame, with parameter sets. */
 static void test_whole_h264(void) {
     struct encoder encoder;
@@ -218,6 +233,7 @@ int main(void) {
     test_sizes();
     test_rates();
     test_refresh_h264();
+    test_renewal_of_slow_pictures();
     test_whole_h264();
     test_refresh_mpeg4();
     return 0;

@@ -451,12 +451,12 @@ static void check_refresh(void) {
 }
 
 /* Renewals within a minute that no receiver has asked for: fewer at a loss, but not with receivers without repair. */
-static unsigned count_renewals(bool renews, uint8_t lost, double others) {
+static unsigned count_renewals(int64_t renewal, uint8_t lost, double others) {
     unsigned count = 0;
     size_t whole;
 
     begin(1000000);
-    tx.settings.renews = renews;
+    tx.settings.renewal = renewal;
     tx.settings.others = others;
     loss = lost;
     for (int64_t end = now + 60000 * MS; now < end;) {
@@ -473,10 +473,10 @@ static unsigned count_renewals(bool renews, uint8_t lost, double others) {
 }
 
 static void check_renewals(void) {
-    CHECK_EQUAL(count_renewals(true, 0, 0), 15);
-    CHECK_EQUAL(count_renewals(true, 77, 0), 3);
-    CHECK_EQUAL(count_renewals(true, 77, 0.5), 15);
-    CHECK_EQUAL(count_renewals(false, 0, 0), 0);
+    CHECK_EQUAL(count_renewals(4000 * MS, 0, 0), 15);
+    CHECK_EQUAL(count_renewals(4000 * MS, 77, 0), 3);
+    CHECK_EQUAL(count_renewals(4000 * MS, 77, 0.5), 15);
+    CHECK_EQUAL(count_renewals(0, 0, 0), 0);
 }
 
 /* A clock that goes back adds no bytes. */

@@ -112,13 +112,15 @@ void stream_tx_report(struct stream_tx *tx, int64_t now, const uint8_t *data, si
         link_rate_follow(&tx->link, &tx->budget, feedback_nearest(&tx->feedback, now), now);
 }
 
-/* Receivers of another copy of the stream have no repair, and cannot ask. */
+/* Receivers of another copy of the stream have no repair, and cannot ask: for them a loss changes nothing. */
 static bool is_renewal_due(const struct stream_tx *tx, int64_t now) {
+    int64_t period = tx->settings.renewal;
     double loss, run;
 
     feedback_losses(&tx->feedback, now, &loss, &run);
-    bool loses = loss > tuning.margin_loss && !(tx->settings.others > 0);
-    return tx->settings.renews && now - tx->renewed >= (loses ? tuning.renewal_in_loss : tuning.renewal);
+    if (loss > tuning.margin_loss && !(tx->settings.others > 0))
+        period = tuning.renewal_in_loss;
+    return tx->settings.renewal && now - tx->renewed >= period;
 }
 
 bool stream_tx_wants_refresh(struct stream_tx *tx, int64_t now, size_t *whole) {

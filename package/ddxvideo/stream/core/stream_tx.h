@@ -51,7 +51,7 @@ struct stream_tx_settings {
     int64_t interval; /* ns from frame to frame */
     size_t header;    /* bytes added to an RTP packet: IP and UDP headers, encryption */
     bool repair;      /* repair packets are sent */
-    bool renews;      /* stream_tx_wants_refresh() asks for regular renewals, too: the encoder makes none by itself */
+    int64_t renewal;  /* ns from one regular renewal to the next; 0: the encoder makes them by itself */
     double ratio;     /* of repair packets to media packets while no receiver has reported: STREAM_TX_RATIO */
     double others;    /* bytes of other packets for each byte of media, at least */
     uint32_t media_ssrc, repair_ssrc;
@@ -125,9 +125,9 @@ bool stream_tx_other(struct stream_tx *tx, int64_t now, size_t size);
  * picture that may be sent at once; 0: the next frames must renew the picture, because one was sent less than four
  * seconds ago. So requests, which can be forged, do not fill the rate with bad pictures.
  *
- * With settings.renews, a renewal is also wanted every four seconds, for receivers that cannot ask, and every 20 s
- * while a receiver that reports loses packets: what the loss leaves of the rate is too little for good pictures during
- * one, and a receiver without reports and repair loses most frames then.
+ * A renewal is also wanted each settings.renewal, for receivers that cannot ask, and only each 20 s while a receiver
+ * that reports loses packets: what the loss leaves of the rate is too little for good pictures during one, and a
+ * receiver without reports and repair loses most frames then.
  */
 bool stream_tx_wants_refresh(struct stream_tx *tx, int64_t now, size_t *whole);
 

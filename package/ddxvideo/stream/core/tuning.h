@@ -42,8 +42,7 @@ static const struct {
 
     /* ---- Frames ---- */
     int64_t whole_every;        /* from one whole picture to the next */
-    int64_t renewal;            /* from one renewal to the next, */
-    int64_t renewal_in_loss;    /* and while a receiver that reports loses packets */
+    int64_t renewal_in_loss;    /* from one regular renewal to the next, while a receiver that reports loses packets */
     double whole_share;         /* of the bytes in the bucket, for one: it waits 0.1 s before a link of this rate */
     unsigned skip_frames;       /* most frames that are left out in sequence for repair or in an outage, */
     double skip_frames_most;    /* most of them at once, */
@@ -135,7 +134,6 @@ static const struct {
     .link_least_bits = 50e3,
     .link_least_share = 0.3,
     .whole_every = 4 * SECOND,
-    .renewal = 4 * SECOND,
     .renewal_in_loss = 20 * SECOND,
     .whole_share = 0.35,
     .skip_frames = 2,

@@ -12,9 +12,8 @@
 
 /* ---- H.264, each frame one slice: only the first one is a key frame, later ones renew columns of macroblocks ---- */
 
-#define RENEWAL_SECONDS 60       /* s from one renewal of the picture to the next, if encoder_refresh() does not ask */
 #define SETS_SECONDS 1           /* s */
-#define PERIOD_PICTURES_LEAST 10 /* pictures, of both */
+#define PERIOD_PICTURES_LEAST 10 /* pictures, of a renewal and between parameter sets */
 
 /*
  * Sizes of frames. x264 has no size for a single frame, but a buffer (VBV) that frames fill and the rate empties. With
@@ -55,6 +54,16 @@ static int pictures_in(const struct encode_h264 *encoder, double seconds) {
 }
 
 /*
+ * x264 renews a column a picture when encoder_refresh() asks. Where one renewal would take longer than the time from
+ * one to the next, at a low rate or for wide pictures, it renews all the time, and as many columns as it must.
+ */
+static int renewal_pictures(const struct encode_h264 *encoder) {
+    int pictures = pictures_in(encoder, ENCODER_RENEWAL_SECONDS);
+
+    return (encoder->param.i_width + 15) / 16 > pictures ? pictures : X264_KEYINT_MAX_INFINITE;
+}
+
+/*
  * Without adaptive quantisation and "psy", which makes pictures look sharp: they are closer to the camera's. Without
  * the second analysis of nearly empty blocks, which takes time.
  */
@@ -62,7 +71,7 @@ static void set_quality(struct encode_h264 *encoder) {
     x264_param_t *param = &encoder->param;
 
     param->b_intra_refresh = 1;
-    param->i_keyint_max = pictures_in(encoder, RENEWAL_SECONDS);
+    param->i_keyint_max = renewal_pictures(encoder);
     param->analyse.b_psy = 0;
     param->analyse.b_dct_decimate = 0;
     param->rc.i_aq_mode = X264_AQ_NONE;

@@ -19,7 +19,8 @@ struct encoded {
     size_t size;
 };
 
-#define ENCODE_SETS_MAX 256 /* bytes of both parameter sets */
+#define ENCODE_SETS_MAX 256       /* bytes of both parameter sets */
+#define ENCODER_RENEWAL_SECONDS 4 /* from one renewal to the next; with one a second pictures are 1.5 dB worse */
 
 struct encode_h264 {
     x264_t *x264; /* NULL: not open */
@@ -81,7 +82,9 @@ int encoder_encode(struct encoder *encoder, const struct ddxvideo_picture *pictu
 /*
  * Let receivers begin at one of the next frames. H.264: `whole`: the next frame is a key frame; else the next frames
  * renew the picture column by column (after the current renewal, if there is one), without a frame that looks worse.
- * MPEG-4's next frame is a key frame.
+ * Nothing else renews H.264's picture, so call it each ENCODER_RENEWAL_SECONDS for receivers that cannot ask; only a
+ * picture with more columns of 16 pixels than frames in that time is renewed all the time. MPEG-4's next frame is a key
+ * frame; it has regular ones besides.
  */
 void encoder_refresh(struct encoder *encoder, bool whole);
 

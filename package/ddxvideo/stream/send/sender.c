@@ -374,7 +374,7 @@ static int start_post(struct sender *sender) {
                                           .video = sender->bitrate * 1000,
                                           .interval = FRAME_INTERVAL_NS,
                                           .repair = sender->repairs,
-                                          .renews = sender->type == RTP_H264,
+                                          .renewal = sender->type == RTP_H264 ? ENCODER_RENEWAL_SECONDS * SECOND : 0,
                                           .ratio = sender->ratio,
                                           .others = sender->ts.port ? TS_PART : 0,
                                           .media_ssrc = sender->ssrc,
