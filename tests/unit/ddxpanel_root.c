@@ -67,6 +67,7 @@ static void test_recordings_that_are_refused(void) {
     CHECK(same(ORDER("recordings", "copy", "video-000012", "/etc"), "") && same(reason, "is not usb"));
     CHECK(same(ORDER("recordings", "copy", "all", "/etc"), "") && same(ORDER("recordings", "copy", "all"), ""));
     CHECK(same(ORDER("recordings", "remove", "all"), "") && same(ORDER("recordings", "verify", "all"), ""));
+    CHECK(same(ORDER("recordings", "read", "all", "0"), ""));
     CHECK(same(ORDER("recordings", "copy", "video-000012"), ""));
     CHECK(same(ORDER("recordings", "export", "video-000012", "usb"), ""));
     CHECK(same(ORDER("recordings", "remove"), "") && same(ORDER("recordings", "remove", "a", "b"), ""));
