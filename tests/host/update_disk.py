@@ -81,17 +81,15 @@ class UpdateDisk(Closing):
         words = [str(program), "-root", str(self.place), command, *options, *devices]
         environment = {**os.environ, "DDX_DIR": str(self.place / "run/ddx"),
                        "LD_LIBRARY_PATH": str(library_folder()), **(env or {})}
-        if not isinstance(stdin, bytes):
+        if pipe or not isinstance(stdin, bytes):
             with subprocess.Popen(words, env=environment, stdin=subprocess.PIPE, stdout=subprocess.PIPE,
                                   stderr=subprocess.PIPE) as process:
                 assert process.stdin
                 with contextlib.suppress(BrokenPipeError):
-                    for piece in stdin:
+                    for piece in [stdin] if isinstance(stdin, bytes) else stdin:
                         process.stdin.write(piece)
                 said, errors = process.communicate()
                 done = subprocess.CompletedProcess(words, process.returncode, said, errors)
-        elif pipe:
-            done = subprocess.run(words, env=environment, capture_output=True, check=False, input=stdin)
         else:
             file = self.folder / "input"
             file.write_bytes(stdin)
