@@ -7,12 +7,16 @@ figures (pytest's record_property). A long test that passed with this image and 
 
 Each test is marked `strict` or `retry`, itself or its module. An assertion that fails in a strict test gets no second
 chance: tests that judge frames, values and counters are strict.
+
+A test that hangs fails after `--limit` seconds, with a list of all processes.
 """
 import functools
 import json
 import os
 import pathlib
 import shutil
+import signal
+import subprocess
 import time
 from collections.abc import Iterator
 
@@ -26,6 +30,8 @@ from parts.testing.campaign import Campaign
 
 LONG = OUTPUT / "long"
 SECONDS = 600
+LIMIT = 600    # s; 20 times what a test of the gate may take
+AGAIN = 60     # s; a fixture may hang, too, when a failed test is cleaned up
 USUAL = os.getpriority(os.PRIO_PROCESS, 0)
 LATER = USUAL + 10  # of tests that wait for no frame
 
@@ -33,6 +39,7 @@ LATER = USUAL + 10  # of tests that wait for no frame
 def pytest_addoption(parser: pytest.Parser) -> None:
     parser.addoption("--tier", choices=("gate", "long", "all"), default="all", help="which tests: short or long ones")
     parser.addoption("--seconds", type=int, default=SECONDS, help="of video in tests that last; fewer are no proof")
+    parser.addoption("--limit", type=int, default=LIMIT, help="of a test that is not long, in seconds")
 
 
 @functools.cache
@@ -145,11 +152,22 @@ def pytest_handlecrashitem(crashitem: str, report: pytest.TestReport) -> None:
            "worker": "", "strict": False, "failure": str(report.longrepr), "reason": ""})
 
 
+def hangs(*_: object) -> None:
+    listed = subprocess.run(["ps", "-eHo", "pid,stat,etimes,wchan:24,args"], capture_output=True, text=True,
+                            check=False).stdout
+    pytest.fail(f"the test hangs; processes, the seconds that each has run, and where it waits:\n{listed}")
+
+
 @pytest.hookimpl(hookwrapper=True)
 def pytest_runtest_protocol(item: pytest.Item):  # type: ignore[no-untyped-def]
     if os.geteuid() == 0:  # no other user gets a priority back
         os.setpriority(os.PRIO_PROCESS, 0, LATER if item.get_closest_marker("computes") else USUAL)
+    write({"begun": suite.plain(item.nodeid)})
+    if not item.get_closest_marker("long"):
+        signal.signal(signal.SIGALRM, hangs)
+        signal.setitimer(signal.ITIMER_REAL, item.config.getoption("limit"), AGAIN)
     begin = processor_seconds()
     yield
+    signal.setitimer(signal.ITIMER_REAL, 0)
     OUTCOMES.processor[item.nodeid] = processor_seconds() - begin
     OUTCOMES.end(item)

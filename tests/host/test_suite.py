@@ -154,6 +154,22 @@ def test_a_test_that_exits_its_process_has_failed(places: pathlib.Path) -> None:
     assert result.tests[0].name.endswith("::test_exit") and "crashed" in result.tests[0].failure
 
 
+def test_a_test_that_hangs_fails(places: pathlib.Path) -> None:
+    source = "import subprocess, pytest\n@pytest.mark.retry\ndef test_hangs(): subprocess.run(['sleep', '4747'])\n"
+    result = run_python(places, "", source, strict=True, options=["-n", "1", "--limit", "1"])
+    assert outcomes(result) == ["failed"] and "sleep 4747" in result.tests[0].failure
+
+
+def test_a_test_that_hangs_for_ever_is_named(places: pathlib.Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """As one does that waits for the kernel."""
+    monkeypatch.setattr(suite, "LIMIT", 5)
+    source = ("import signal, time, pytest\n@pytest.mark.retry\ndef test_hangs():\n"
+              "    signal.pthread_sigmask(signal.SIG_BLOCK, [signal.SIGALRM, signal.SIGTERM])\n    time.sleep(60)\n")
+    result = run_python(places, "", source, strict=True, options=["-n", "1"])
+    assert outcomes(result) == ["failed"]
+    assert re.search(r"not finished: .*test_once.py::test_hangs", result.tests[0].failure)
+
+
 def test_c_tests_skip_with_a_reason() -> None:
     sources = {path: path.read_text() for path in (TOP / "tests").rglob("*.[ch]")}
     found = {path.name for path, text in sources.items() if re.search(r"(exit|return)\b.*\b77\b", text)}

@@ -25,6 +25,7 @@ NICE = ("nice", "-n", "10")
 BESIDE = ("nice", "-n", "4")  # C tests beside others: with 10 a store did not answer within 5 s
 C_TESTS = 4  # at a time: they mostly wait for processes
 PATIENT = 4  # factor for the limits in meson.build: a C test may wait for a processor
+LIMIT = 45 * 60  # s; of the gate's tests in Python, after which those that hang are named
 FRAMES_BROKEN = 3  # exit status of a C test, see tests/unit/check.h
 SANITIZERS = ("ASAN_OPTIONS", "TSAN_OPTIONS", "UBSAN_OPTIONS")
 # Words of the Makefile that are options of the tools, not environment.
@@ -155,12 +156,22 @@ class Suite:
             tier = f"--tier={'long' if self.long else 'gate'}"
             command = ["/usr/bin/python3", "-B", "-m", "pytest", tier, *arguments]
             env = {**os.environ, "BOARD": board, "EXTERNAL": trees.words(), "DDX_RESULTS": str(results)}
-            done = subprocess.run(command, cwd=TOP, env=env, stdin=subprocess.DEVNULL, check=False)
-            lines = [json.loads(line) for line in results.read_text().splitlines()]
             before = f"{board}: " if board else ""
-            red = any(line["outcome"] == "failed" for line in lines)
-            if done.returncode not in (0, 5) and not (done.returncode == 1 and red):
-                self.fail(f"{before}pytest {' '.join(arguments)}", f"exit status {done.returncode}, see above")
+            what = f"{before}pytest {' '.join(arguments)}"
+            try:
+                status = subprocess.run(command, cwd=TOP, env=env, stdin=subprocess.DEVNULL, check=False,
+                                        timeout=None if self.long else LIMIT).returncode
+            except subprocess.TimeoutExpired:
+                status = 1
+            every = [json.loads(line) for line in results.read_text().splitlines()]
+            lines = [line for line in every if "outcome" in line]
+            done = {line["test"] for line in lines}
+            hung = [line["begun"] for line in every if "begun" in line and line["begun"] not in done]
+            if hung:
+                self.fail(what, f"not finished: {', '.join(hung)}")
+            red = hung or any(line["outcome"] == "failed" for line in lines)
+            if status not in (0, 5) and not (status == 1 and red):
+                self.fail(what, f"exit status {status}, see above")
             for worker in {line["worker"] for line in lines}:
                 self.guests += max(line["guests"] for line in lines if line["worker"] == worker)
             return [Test(before + line["test"], line["outcome"], line["seconds"], line["failure"], line["reason"],
