@@ -16,7 +16,6 @@ import os
 import pathlib
 import shutil
 import signal
-import subprocess
 import time
 from collections.abc import Iterator
 
@@ -153,9 +152,7 @@ def pytest_handlecrashitem(crashitem: str, report: pytest.TestReport) -> None:
 
 
 def hangs(*_: object) -> None:
-    listed = subprocess.run(["ps", "-eHo", "pid,stat,etimes,wchan:24,args"], capture_output=True, text=True,
-                            check=False).stdout
-    pytest.fail(f"the test hangs; processes, the seconds that each has run, and where it waits:\n{listed}")
+    pytest.fail(f"the test hangs; all processes:\n{processes.listing()}")
 
 
 @pytest.hookimpl(hookwrapper=True)

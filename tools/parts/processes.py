@@ -1,5 +1,6 @@
 # SPDX-License-Identifier: GPL-2.0-or-later
 """Child processes: stopped, measured, or asked line by line."""
+import contextlib
 import json
 import os
 import pathlib
@@ -30,6 +31,19 @@ def seconds(pid: int) -> float:
     except OSError:
         return 0.0
     return (int(fields[11]) + int(fields[12])) / os.sysconf("SC_CLK_TCK")  # user and system
+
+
+def listing() -> str:
+    """A line for each process: its number, its parent's, its state, where it waits in the kernel, and its command."""
+    lines = []
+    for folder in sorted(pathlib.Path("/proc").glob("[0-9]*"), key=lambda path: int(path.name)):
+        with contextlib.suppress(OSError):
+            fields = (folder / "stat").read_text().rpartition(")")[2].split()
+            command = (folder / "cmdline").read_bytes().replace(b"\0", b" ").decode(errors="replace")
+            waits = (folder / "wchan").read_text()
+            if command:  # the kernel's own have none
+                lines.append(f"{folder.name:>7} {fields[1]:>7} {fields[0]} {waits:20} {command}")
+    return "\n".join(lines)
 
 
 class Client:

@@ -5,8 +5,11 @@ import os
 import pathlib
 import subprocess
 
+from parts import processes
 from parts.common import MORTAL, SBIN, Closing, Failed, run, wait_until
 from parts.disk.blocklog import SECTOR
+
+STOP = 20  # s; QEMU's daemon stops within one
 
 
 def lacking() -> str:
@@ -58,7 +61,10 @@ class LoggedDevice(Closing):
         os.close(descriptor)
 
     def end(self) -> None:
+        """The log is complete then, also if the daemon has to be killed: that of QEMU 7.2 has been seen to run on after
+        its signal."""
         while self.loops:
             run(["losetup", "--detach", self.loops.pop()])
-        self.process.terminate()
-        self.process.wait()
+        with self.file.open("rb") as file:
+            os.fsync(file.fileno())  # or the log's first sector does not count the last marks
+        processes.stop(self.process, STOP)
