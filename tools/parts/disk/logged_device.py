@@ -68,3 +68,5 @@ class LoggedDevice(Closing):
         with self.file.open("rb") as file:
             os.fsync(file.fileno())  # or the log's first sector does not count the last marks
         processes.stop(self.process, STOP)
+        if self.process.returncode < 0:  # nothing else takes its file system away
+            subprocess.run(["umount", "--lazy", str(self.file)], stderr=subprocess.DEVNULL, check=False)
