@@ -199,7 +199,7 @@ def test_the_program_in_the_readme(desk: Desk, environment: dict[str, str], tmp_
     means = [np.frombuffer(picture, np.uint8)[:352 * 288].mean() for picture in pictures(clip)]
     program = subprocess.Popen([*MORTAL, *PYTHON, "-u", "-c", block[1]], env=environment, stdout=subprocess.PIPE,
                                text=True)
-    loader = desk.start("ddxvideoload", clip, "-readers", "1", "-rate", "2")
+    loader = desk.start("ddxvideoload", clip, "-readers", "1", "-rate", "0.2")
     assert program.stdout
     for number, mean in enumerate(means):
         words = program.stdout.readline().split()
