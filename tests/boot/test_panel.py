@@ -6,6 +6,7 @@ import http.client
 import json
 import pathlib
 import re
+import ssl
 import struct
 from collections.abc import Iterator
 
@@ -103,6 +104,28 @@ def test_a_technician_without_a_console(boot: Boot, place: pathlib.Path, outside
         leave(phone, "off")
         guest.process.wait(PATIENCE)
         assert "reboot: Power down" in guest.log.read_text(errors="replace")
+
+
+def test_a_clock_of_1970(boot: Boot, tmp_path: pathlib.Path) -> None:
+    """Certificate, login, the limit of guesses and sessions do not depend on the machine's time."""
+    https = free_port()
+    with boot("panel-1970", provision=PROVISION, extra=(*forward(free_port(), https), "-rtc",
+                                                        "base=1970-01-01T00:00:10")) as guest:
+        guest.shell()
+        assert guest.sh("date -u +%Y") == "1970"
+        guest.wait_until("ddxctl panel")
+        phone = Phone(https, NAME, guest.sh("ddxctl panel").rpartition("SHA-256: ")[2])
+        assert phone.ask("POST", "/panel/login", "a wrong guess, sorry")[0] == 401
+        assert phone.ask("POST", "/panel/login", PASSPHRASE)[0] in (200, 429)
+        wait_until(lambda: phone.ask("POST", "/panel/login", PASSPHRASE)[0] == 200, "no login", 0.5, PATIENCE)
+        assert NAME in phone.ask("GET", "/panel/session")[1]
+        (tmp_path / "shown.pem").write_text(ssl.get_server_certificate(("127.0.0.1", https)))
+        valid = run(["openssl", "x509", "-in", tmp_path / "shown.pem", "-noout", "-dateopt", "iso_8601", "-dates"])
+        assert re.findall(r"=(\d{4}-\d\d-\d\d) ", valid) == ["2019-01-01", "2049-12-31"]
+        # A step to the present ends no session.
+        guest.sh("date -u -s '2026-03-01 12:00:00'")
+        assert any("ddxstore" in line for line in phone.order("services"))
+        guest.poweroff()
 
 
 def leave(phone: Phone, word: str) -> None:

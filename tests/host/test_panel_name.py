@@ -29,13 +29,14 @@ class Neighbour:
         self.process = subprocess.Popen([*MORTAL, "unshare", "--net", "sleep", "infinity"])
         own = os.readlink("/proc/self/ns/net")
         wait_until(lambda: os.readlink(f"/proc/{self.process.pid}/ns/net") != own, "no network of its own")
+        self.inside = ["nsenter", f"--net=/proc/{self.process.pid}/ns/net"]
         run(["ip", "link", "add", "eth0", "netns", str(robot.init), "type", "veth", "peer", "name", "eth0", "netns",
              str(self.process.pid)])
         self.run("ip", "addr", "add", f"{OTHER}/24", "dev", "eth0")
         self.run("ip", "link", "set", "eth0", "up")
 
     def run(self, *words: str) -> str:
-        return run([*MORTAL, "nsenter", f"--net=/proc/{self.process.pid}/ns/net", *words])
+        return run([*MORTAL, *self.inside, *words])
 
     def ask(self, name: str, kind: str) -> list[str]:
         return self.run(sys.executable, "-B", str(TOP / "tests/lib/mdns.py"), OTHER, name, kind).split()

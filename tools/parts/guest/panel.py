@@ -11,7 +11,7 @@ import pathlib
 import ssl
 import subprocess
 import sys
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from typing import Any
 
 from parts.common import MORTAL, PATIENCE, Closing, Failed, wait_until
@@ -32,7 +32,7 @@ import http.client, json, ssl, sys
 context = ssl._create_unverified_context()
 for line in sys.stdin:
     method, path, headers, body = json.loads(line)
-    link = http.client.HTTPSConnection("127.0.0.1", context=context, timeout=60)
+    link = http.client.HTTPSConnection("127.0.0.1", context=context, timeout=float(sys.argv[1]))
     link.putrequest(method, path, skip_host="Host" in headers)
     for name, value in headers.items():
         link.putheader(name, value)
@@ -56,12 +56,18 @@ def start(robot: NativeMachine, passphrase: str = PASSPHRASE) -> None:
 
 
 @contextlib.contextmanager
-def filming(root: pathlib.Path, keep: pathlib.Path) -> Iterator[NativeMachine]:
-    """A machine with the panel, whose loader plays a clip for ever, and which records."""
+def filming(root: pathlib.Path, keep: pathlib.Path, movie: pathlib.Path | None = None,
+            settings: Mapping[str, str] | None = None) -> Iterator[NativeMachine]:
+    """A machine with the panel, whose loader plays a clip for ever, and which records. `movie`: instead of one with
+    numbered frames; it is moved there. `settings`: of other services, by name."""
     (keep / "test").mkdir(parents=True)
-    (keep / "data/ddx").mkdir(parents=True)
-    clip.write(keep / "test/clip.y4m", FRAMES // clip.RATE)
-    (keep / "data/ddx/ddxvideoload.conf").write_text("loop=\n")
+    (keep / "data/ddx").mkdir(parents=True, exist_ok=True)
+    if movie:
+        movie.rename(keep / "test/clip.y4m")
+    else:
+        clip.write(keep / "test/clip.y4m", FRAMES // clip.RATE)
+    for name, text in {"ddxvideoload": "loop=\n", **(settings or {})}.items():
+        (keep / f"data/ddx/{name}.conf").write_text(text)
     with NativeMachine(root, keep) as machine:
         start(machine)
         yield machine
@@ -85,11 +91,11 @@ def digest(der: bytes) -> str:
     return hashlib.sha256(der).digest().hex(":").upper()
 
 
-def ask(robot: NativeMachine, requests: Sequence[Request]) -> list[Any]:
-    """Status, headers and body of each answer."""
+def ask(robot: NativeMachine, requests: Sequence[Request], seconds: float = 60) -> list[Any]:
+    """Status, headers and body of each answer, which comes within these seconds."""
     lines = "".join(json.dumps(one) + "\n" for one in requests)
-    done = subprocess.run([*MORTAL, *inside(robot), sys.executable, "-c", CLIENT], input=lines, capture_output=True,
-                          text=True, check=True)
+    done = subprocess.run([*MORTAL, *inside(robot), sys.executable, "-c", CLIENT, str(seconds)], input=lines,
+                          capture_output=True, text=True, check=True)
     return [json.loads(line) for line in done.stdout.splitlines()]
 
 
@@ -129,13 +135,16 @@ class Phone:
 
 
 class Visitor(Closing):
-    """A browser on a phone; Chromium takes no other certificate than this one."""
+    """A browser on a phone; Chromium takes no other certificate than this one. `words`: before the browser's command,
+    instead of those for the machine's own network."""
 
-    def __init__(self, robot: NativeMachine, folder: pathlib.Path, shown: bytes, webkit: bool = False) -> None:
+    def __init__(self, robot: NativeMachine, folder: pathlib.Path, shown: bytes, webkit: bool = False,
+                 words: Sequence[str] = ()) -> None:
         key = shown[shown.index(KEY_BEGIN):][:KEY_SIZE]
         pin = base64.b64encode(hashlib.sha256(key).digest()).decode()
-        self.browser: Browser | WebKit = WebKit(inside(robot), folder) if webkit else Browser(
-            inside(robot), folder, f"--ignore-certificate-errors-spki-list={pin}")
+        place = words or inside(robot)
+        self.browser: Browser | WebKit = WebKit(place, folder) if webkit else Browser(
+            place, folder, f"--ignore-certificate-errors-spki-list={pin}")
 
     def open(self, address: str = ADDRESS) -> None:
         self.address = address
