@@ -75,19 +75,21 @@ function makeScreen() {
 // Asks for pictures of an item as long as the screen is part of the page. `failed` is called once, with an error.
 function follow(item, screen, failed) {
 	const choice = makeChoice();
-	let after = 0, open = 0, asking = false, turn = 0, pause = 0;
+	let after = 0, open = 0, asking = false, turn = 0, pause = 0, idle = 0; // idle: since when the link has been
 	const lives = () => screen.figure.isConnected && !document.hidden && Date.now() >= pause;
 
 	async function one() {
 		const mine = turn++, form = choice.form(), asked = performance.now();
 		const answer = await picture(item, after, form);
-		const begun = performance.now();
 		after = answer.sequence ?? after;
 		asking = false;
 		next(); // its headers are here: while its bytes are on their way, the next one may be made
 		if (answer.sequence === null) return;
 		const blob = await answer.body();
-		choice.took(performance.now() - begun);
+		// Not from the headers on: they come with the first bytes of the picture, in one TLS record of up to 16 KB.
+		const begun = Math.max(idle, asked + answer.waited);
+		idle = performance.now();
+		choice.took(idle - begun);
 		const bitmap = await createImageBitmap(blob);
 		// The machine's age, and all the time since the request in which the machine was not waiting for a frame.
 		screen.draw({ turn: mine, frame: answer.frame, lost: answer.lost, form,
