@@ -10,6 +10,7 @@ import sys
 from collections.abc import Sequence
 from typing import Any
 
+from parts import processes
 from parts.common import MORTAL, OUTPUT, TOP, Closing, output
 from parts.image import native
 
@@ -76,8 +77,6 @@ class Watcher:
 
 def cpu_seconds(process: subprocess.Popen[bytes]) -> float:
     """CPU time of all threads of the process, finished ones included."""
-    fields = pathlib.Path(f"/proc/{process.pid}/stat").read_text().rsplit(")", 1)[1].split()
     tasks = pathlib.Path(f"/proc/{process.pid}/task").iterdir()
     exact = sum(float((task / "schedstat").read_text().split()[0]) for task in tasks) / 1e9
-    ticks = (int(fields[11]) + int(fields[12])) / os.sysconf("SC_CLK_TCK")
-    return max(exact, ticks)
+    return max(exact, processes.seconds(process.pid))

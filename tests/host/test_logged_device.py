@@ -11,7 +11,7 @@ pytestmark = [pytest.mark.computes, pytest.mark.retry]
 
 
 def test_a_daemon_that_does_not_stop_leaves_a_whole_log(tmp_path: pathlib.Path,
-                                                             monkeypatch: pytest.MonkeyPatch) -> None:
+                                                        monkeypatch: pytest.MonkeyPatch) -> None:
     if reason := lacking():
         pytest.skip(reason)
     image = tmp_path / "disk.img"

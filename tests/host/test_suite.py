@@ -165,7 +165,7 @@ def test_a_test_that_hangs_for_ever_is_named(places: pathlib.Path, monkeypatch: 
     monkeypatch.setattr(suite, "LIMIT", 5)
     source = ("import signal, time, pytest\n@pytest.mark.retry\ndef test_hangs():\n"
               "    signal.pthread_sigmask(signal.SIG_BLOCK, [signal.SIGALRM, signal.SIGTERM])\n    time.sleep(60)\n")
-    result = run_python(places, "", source, strict=True, options=["-n", "1"])
+    result = run_python(places, "", source, strict=True)
     assert outcomes(result) == ["failed"]
     assert re.search(r"not finished: .*test_once.py::test_hangs", result.tests[0].failure)
 

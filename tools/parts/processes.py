@@ -24,10 +24,15 @@ def stop(process: subprocess.Popen[Any], patience: float = 5) -> None:
         kill(process)
 
 
+def _fields(pid: int) -> list[str]:
+    """The fields of a process's line in /proc, from its state on."""
+    return pathlib.Path(f"/proc/{pid}/stat").read_text().rpartition(")")[2].split()
+
+
 def seconds(pid: int) -> float:
     """The processor time of a running process, in s; 0 if there is none."""
     try:
-        fields = pathlib.Path(f"/proc/{pid}/stat").read_text().rpartition(")")[2].split()
+        fields = _fields(pid)
     except OSError:
         return 0.0
     return (int(fields[11]) + int(fields[12])) / os.sysconf("SC_CLK_TCK")  # user and system
@@ -36,13 +41,13 @@ def seconds(pid: int) -> float:
 def listing() -> str:
     """A line for each process: its number, its parent's, its state, where it waits in the kernel, and its command."""
     lines = []
-    for folder in sorted(pathlib.Path("/proc").glob("[0-9]*"), key=lambda path: int(path.name)):
+    for pid in sorted(int(name) for name in os.listdir("/proc") if name.isdigit()):
         with contextlib.suppress(OSError):
-            fields = (folder / "stat").read_text().rpartition(")")[2].split()
-            command = (folder / "cmdline").read_bytes().replace(b"\0", b" ").decode(errors="replace")
-            waits = (folder / "wchan").read_text()
+            state, parent = _fields(pid)[:2]
+            command = pathlib.Path(f"/proc/{pid}/cmdline").read_bytes().replace(b"\0", b" ").decode(errors="replace")
+            waits = pathlib.Path(f"/proc/{pid}/wchan").read_text()
             if command:  # the kernel's own have none
-                lines.append(f"{folder.name:>7} {fields[1]:>7} {fields[0]} {waits:20} {command}")
+                lines.append(f"{pid:>7} {parent:>7} {state} {waits:20} {command}")
     return "\n".join(lines)
 
 
