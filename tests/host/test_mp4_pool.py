@@ -132,9 +132,9 @@ def test_a_full_index_begins_the_next_file(desk: Desk) -> None:
     count = 16_400
     saver = begin(desk, "-segment", "16", "-ring", "20000")
     clip = make_clip(desk.folder / "clip.y4m", "16x16", "25", count)
-    assert desk.run("ddxvideoload", clip, "-rate", "0", "-readers", "1").returncode == 0
+    loader = desk.run("ddxvideoload", clip, "-rate", "0", "-readers", "1")
     status, counters = stop(saver)
-    assert (status, counters["out"], lost(counters)) == (0, count, 0)
+    assert (loader.returncode, status, counters["out"], lost(counters)) == (0, 0, count, 0), (loader.stderr, counters)
     assert [index_of(path).frames for path in files(desk)] == [16_320, count - 16_320]
     assert all(top(path.read_bytes()) == ["ftyp", "mdat", "moov"] for path in files(desk))
     assert fragments(files(desk)[1].read_bytes())[0].key and run(desk, "verify").returncode == 0

@@ -17,6 +17,9 @@ from .update_disk import FORMER, NEW, RUNNING, UpdateDisk
 
 pytestmark = [pytest.mark.computes, pytest.mark.retry]
 
+STEPS = pytest.mark.parametrize("step", [32, pytest.param(1, marks=pytest.mark.long)], ids=["some", "all"])
+Figure = Callable[[str, object], None]
+
 
 @functools.cache
 def _chosen(items: tuple[tuple[str, str], ...]) -> str:
@@ -53,9 +56,9 @@ def judge(disk: UpdateDisk, step: int, firm: bool) -> int:
 
 
 @pytest.mark.parametrize("here", ["A", "B"])
-@pytest.mark.parametrize("step", [32, pytest.param(1, marks=pytest.mark.long)], ids=["some", "all"])
+@STEPS
 def test_no_power_cut_leaves_half_a_version(tmp_path: pathlib.Path, here: str, step: int,
-                                            record_property: Callable[[str, object], None]) -> None:
+                                            record_property: Figure) -> None:
     """GRUB counts boots in `start` as `keep` sees it: the block after its first boot is part of test_slots.py."""
     if reason := lacking():
         pytest.skip(reason)
@@ -69,20 +72,28 @@ def test_no_power_cut_leaves_half_a_version(tmp_path: pathlib.Path, here: str, s
         assert states >= 300
 
 
-def test_no_power_cut_while_a_version_is_taken_back(tmp_path: pathlib.Path) -> None:
+@STEPS
+def test_no_power_cut_while_a_version_is_taken_back(tmp_path: pathlib.Path, step: int,
+                                                    record_property: Figure) -> None:
     if reason := lacking():
         pytest.skip(reason)
     with UpdateDisk(tmp_path, "A") as disk:
         run_update(disk, "write start return")
         assert disk.block() == {"failed": "B"}
-        assert judge(disk, 32, firm=True) >= 300
+        states = judge(disk, step, firm=True)
+        record_property("states", states)
+        assert states >= 300
 
 
-def test_a_slot_that_did_not_come_up_is_filled_again(tmp_path: pathlib.Path) -> None:
+@STEPS
+def test_a_slot_that_did_not_come_up_is_filled_again(tmp_path: pathlib.Path, step: int,
+                                                     record_property: Figure) -> None:
     """The other slot is the chosen one when the update begins, and not whole."""
     if reason := lacking():
         pytest.skip(reason)
     with UpdateDisk(tmp_path, "A", former=False, block={"slot": "B", "begun": "2"}) as disk:
         run_update(disk, "write start keep")
         assert disk.block() == {"slot": "B"}
-        assert judge(disk, 32, firm=False) >= 300
+        states = judge(disk, step, firm=False)
+        record_property("states", states)
+        assert states >= 300
