@@ -167,7 +167,7 @@ def test_a_test_that_hangs_for_ever_is_named(places: pathlib.Path, monkeypatch: 
               "    signal.pthread_sigmask(signal.SIG_BLOCK, [signal.SIGALRM, signal.SIGTERM])\n    time.sleep(60)\n")
     result = run_python(places, "", source, strict=True)
     assert outcomes(result) == ["failed"]
-    assert re.search(r"not finished: .*test_once.py::test_hangs", result.tests[0].failure)
+    assert re.search(r"not finished: .*test_once.py::test_hangs, stopped after 5 s", result.tests[0].failure)
 
 
 def test_c_tests_skip_with_a_reason() -> None:

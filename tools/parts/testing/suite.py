@@ -158,18 +158,19 @@ class Suite:
             env = {**os.environ, "BOARD": board, "EXTERNAL": trees.words(), "DDX_RESULTS": str(results)}
             before = f"{board}: " if board else ""
             what = f"{before}pytest {' '.join(arguments)}"
+            how = ""
             try:
                 status = subprocess.run(command, cwd=TOP, env=env, stdin=subprocess.DEVNULL, check=False,
                                         timeout=None if self.long else LIMIT).returncode
             except subprocess.TimeoutExpired:
-                status = 1
+                status, how = 1, f", stopped after {LIMIT} s"
             every = [json.loads(line) for line in results.read_text().splitlines()]
             lines = [line for line in every if "outcome" in line]
             done = {line["test"] for line in lines}
             hung = [line["begun"] for line in every if "begun" in line and line["begun"] not in done]
-            if hung:
-                self.fail(what, f"not finished: {', '.join(hung)}")
-            red = hung or any(line["outcome"] == "failed" for line in lines)
+            if hung or how:
+                self.fail(what, f"not finished: {', '.join(hung) or 'no test'}{how}")
+            red = hung or how or any(line["outcome"] == "failed" for line in lines)
             if status not in (0, 5) and not (status == 1 and red):
                 self.fail(what, f"exit status {status}, see above")
             for worker in {line["worker"] for line in lines}:
