@@ -18,7 +18,7 @@ from lib import update_cut
 from lib.boot_block import BYTES, Block, block_of, menu
 from lib.update_cut import Cuts, State
 from parts.common import OUTPUT, PATIENCE, copy, scratch
-from parts.disk.blocklog import Writes
+from parts.disk.blocklog import SECTOR, Writes
 from parts.disk.disk import BOOT, BOOT_BYTES, Disk
 from parts.guest import testdisk
 from parts.guest.machine import Machine
@@ -100,7 +100,8 @@ class Recording:
     def cuts(self) -> Cuts:
         """Only as much of a slot is looked at as a version takes."""
         before, size = self.before(), max(path.stat().st_size for path in self.roots.values())
-        begin = BOOT + before[BOOT:BOOT + BOOT_BYTES].index(HEAD)
+        # A file begins at a sector; one of GRUB's modules has the same words elsewhere.
+        begin, = (at for at in range(BOOT, BOOT + BOOT_BYTES, SECTOR) if before.startswith(HEAD, at))
         return Cuts(before, begin, self.log, STEP, {name: (at, size) for name, at in SLOT.items()})
 
 
