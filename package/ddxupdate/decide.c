@@ -88,6 +88,7 @@ static double number(const struct place *place, const char *name, double usual) 
 void rules_read(struct rules *rules, const struct place *place) {
     *rules = (struct rules){.good = number(place, "good", 300),
                             .deadline = number(place, "deadline", 900),
+                            .silence = number(place, "silence", 10),
                             .step = number(place, "step", 5),
                             .watchdog = (unsigned)number(place, "watchdog", 300),
                             .ssh = (unsigned)number(place, "ssh", 22)};

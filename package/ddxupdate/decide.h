@@ -30,6 +30,7 @@ int check_version(const struct place *place, const struct release *running, cons
 struct rules {
     double good;       /* seconds in a row in which all must be well */
     double deadline;   /* seconds until the version is taken back */
+    double silence;    /* seconds in a row without an answer of the store until the version is taken back */
     double step;       /* seconds between two looks */
     unsigned watchdog; /* seconds that the early watchdog gives a boot */
     unsigned ssh;      /* port */

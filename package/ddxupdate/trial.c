@@ -120,7 +120,7 @@ struct trial {
     struct rules rules;
     struct former former;
     struct sight before, now;
-    double good, spent; /* seconds */
+    double good, spent, silent; /* seconds; silent: without an answer of the store */
     unsigned looks;
     char reason[REASON_MAX];
 };
@@ -166,11 +166,15 @@ static int run(struct trial *trial, const struct request *request) {
         well = verdict == GOOD;
         if (!trial->now.checking)
             trial->spent += now - last;
+        trial->silent = trial->now.frames.answered ? 0 : trial->silent + now - last;
         if (is_over(request))
             return 0;
         if (trial->good >= trial->rules.good)
             return keep(request);
         if (verdict == WRONG || (verdict == BAD && trial->spent >= trial->rules.deadline))
+            return 1;
+        /* ddxhealth feeds the watchdog only while the store answers. A machine that is reset forgets the reason. */
+        if (trial->silent >= trial->rules.silence)
             return 1;
         show(trial, place, verdict);
     }

@@ -183,8 +183,10 @@ def test_settings_that_are_refused_end_the_trial_at_once(machine: Machine, state
     assert machine.run() == (1, "thing refuses its settings\n")
 
 
-def test_without_a_store_no_version_is_kept(machine: Machine) -> None:
-    machine.rules(good=0.5, deadline=0.5)
+@pytest.mark.parametrize("rules", [{"deadline": 0.5}, {"deadline": 1000, "silence": 0.5}], ids=["deadline", "silence"])
+def test_without_a_store_no_version_is_kept(machine: Machine, rules: dict[str, float]) -> None:
+    """It is taken back before the watchdog, which is fed no longer, resets the machine."""
+    machine.rules(good=0.5, **rules)
     machine.desk = Desk.__new__(Desk)
     machine.desk.environment = {"DDX_DIR": str(machine.folder / "none"), "LD_LIBRARY_PATH": str(library_folder())}
     assert machine.run() == (1, "the store does not answer\n")
