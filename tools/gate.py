@@ -44,9 +44,9 @@ BUILDS: list[Build] = [
     ("m32", [f"-D{language}{what}=-m32" for language in ("c", "cpp") for what in ("_args", "_link_args")], ["ddx"]),
 ]
 # Host tests mostly wait for frames, model tests compute. The files run in this order.
-DESK = ["-n", "6", "--dist", "loadfile", "tests/model", "tests/host"]
+DESK = ["-n", "5", "--dist", "loadfile", "tests/model", "tests/host"]
 # A booting guest keeps one processor busy; a guest that plays a clip mostly waits for frames.
-BOOT = ["-n", "3", "--dist", "loadgroup", "tests/boot"]
+BOOT = ["-n", "2", "--dist", "loadgroup", "tests/boot"]
 LIMIT = 15 * 60  # s; what `make test` may take on two quiet cores
 LONGEST = 30     # s; what a test of the gate may take
 
