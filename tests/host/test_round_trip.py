@@ -59,8 +59,9 @@ def test_uneven_times_are_kept(desk: Desk) -> None:
 
 
 def check_pace(loaded: Counters, seconds: float) -> None:
-    """Check that the clip was not played much faster. On a busy machine the first frame may be late by itself."""
-    assert (loaded["last_ns"] - loaded["first_ns"]) / 1e9 > 0.6 * seconds
+    """Check that the clip was not played faster. On a busy machine the first frame may be late, as any other."""
+    late = loaded["latency_us"]["max"] * 1000
+    assert loaded["last_ns"] - loaded["first_ns"] + late > seconds * 1e9 - MILLISECOND
 
 
 def check_on_time(loaded: Counters) -> None:
