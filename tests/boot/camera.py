@@ -8,6 +8,7 @@ import time
 from collections.abc import Callable, Iterable
 from typing import Any
 
+from lib.figures import uptime
 from parts.common import PATIENCE, Failed
 from parts.guest.guest_camera import GRABBER, control, disk, loop, prepare, vivid
 from parts.guest.qemu import Guest
@@ -15,7 +16,6 @@ from parts.media import counters, y4m
 from parts.media.clip import HEIGHT, WIDTH, frame_number
 from parts.media.counters import Counters
 
-from .figures import uptime
 
 KEEP = 64  # frames that a reader may lag behind
 MS = 100  # between frames of the USB camera

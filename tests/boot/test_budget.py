@@ -9,6 +9,7 @@ import pytest
 
 from lib import budget, sizes
 from lib.budget import MIB
+from lib.figures import Figure
 from parts.common import entries
 from parts.guest import machine, session, testdisk
 from parts.guest.machine import Machine
@@ -16,7 +17,6 @@ from parts.guest.qemu import Boot, Guest
 from parts.guest.session import Result
 from parts.media.counters import Counters
 
-from .figures import Figure
 
 pytestmark = pytest.mark.retry
 

@@ -7,6 +7,7 @@ from collections.abc import Callable, Iterator
 
 import pytest
 
+from lib.figures import Figure, uptime
 from parts.guest import qemu
 from parts.guest.machine import Machine
 from parts.guest.qemu import Guest
@@ -14,7 +15,6 @@ from parts.media import clip as default_clip
 
 from . import camera
 from .camera import GRABBER
-from .figures import Figure, uptime
 
 pytestmark = [pytest.mark.strict, pytest.mark.long]
 

@@ -7,6 +7,7 @@ from collections.abc import Iterator
 
 import pytest
 
+from lib.figures import Figure, uptime
 from parts.common import PATIENCE
 from parts.guest import disk_session, machine, session
 from parts.guest.qemu import Boot, Guest
@@ -14,7 +15,6 @@ from parts.guest.session import LOAD, SAVE
 from parts.guest.slow_disk import SlowDisk
 
 from .conftest import BOARD
-from .figures import Figure, uptime
 
 pytestmark = [pytest.mark.strict, 
     pytest.mark.long,

@@ -5,13 +5,13 @@ import pathlib
 
 import pytest
 
+from lib.figures import Figure, uptime
 from parts.common import run
 from parts.guest import session, testdisk
 from parts.guest.qemu import Boot, Guest
 from parts.guest.session import LOAD, SAVE
 from parts.guest.slow_disk import FILE_SYSTEMS, OPTIONS
 
-from .figures import Figure, uptime
 from .test_disk import SOON, source_is_unaffected, wait_for_out
 
 pytestmark = [pytest.mark.strict, pytest.mark.long]

@@ -7,13 +7,13 @@ from collections.abc import Iterator
 import pytest
 
 from lib import calibration, crash_loop
+from lib.figures import Figure, uptime
 from parts.guest import stream, testdisk
 from parts.guest.qemu import Boot, Guest
 from parts.guest.session import LOAD, SAVE
 from parts.image import tables
 
 from . import camera
-from .figures import Figure, uptime
 from .test_control import runs, services
 from .test_health import HEALTH, hang, state
 

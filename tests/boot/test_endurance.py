@@ -6,10 +6,10 @@ import pathlib
 import pytest
 
 import endurance
+from lib.figures import Figure
 from parts.guest import machine
 
 from .conftest import BOARD
-from .figures import Figure
 
 pytestmark = [pytest.mark.retry, 
     pytest.mark.long,

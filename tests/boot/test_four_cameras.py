@@ -11,6 +11,7 @@ import time
 import pytest
 
 from lib import calibration
+from lib.figures import Figure
 from parts.guest import guest_camera, qemu, session
 from parts.guest.guest_camera import GRABBER
 from parts.guest.machine import Machine
@@ -21,7 +22,6 @@ from parts.media.counters import Counters
 from parts.media.recording import FileSystem
 
 from . import camera, iidc
-from .figures import Figure
 
 pytestmark = [pytest.mark.strict, pytest.mark.long]
 

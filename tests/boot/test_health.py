@@ -7,12 +7,12 @@ from collections.abc import Iterator
 
 import pytest
 
+from lib.figures import Figure, uptime
 from parts.guest import session, testdisk
 from parts.guest.qemu import Boot, Guest
 from parts.media.recording import FileSystem
 
 from . import camera
-from .figures import Figure, uptime
 
 pytestmark = pytest.mark.retry
 

@@ -6,11 +6,11 @@ import pytest
 
 import killed
 from killed import Kill, Plug
+from lib.figures import Figure
 from parts.common import Failed
 from parts.guest import machine
 
 from .conftest import BOARD
-from .figures import Figure
 
 pytestmark = [pytest.mark.retry, 
     pytest.mark.long,

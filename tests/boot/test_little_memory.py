@@ -5,12 +5,12 @@ import pathlib
 import pytest
 
 from lib import budget
+from lib.figures import Figure
 from parts.guest import session, testdisk
 from parts.guest.machine import Machine
 from parts.guest.qemu import Boot
 from parts.media import clip as default_clip
 
-from .figures import Figure
 
 pytestmark = [pytest.mark.retry, pytest.mark.long]
 

@@ -10,6 +10,7 @@ from typing import Any
 import pytest
 
 from lib import host_load
+from lib.figures import Figure
 from parts.guest import camera_run, qemu, session, source, stream
 from parts.guest.machine import Machine
 from parts.guest.qemu import Guest
@@ -18,7 +19,6 @@ from parts.media.counters import Counters
 
 from . import camera
 from .camera import GRABBER, MS
-from .figures import Figure
 
 pytestmark = [pytest.mark.retry, pytest.mark.long]
 

@@ -8,11 +8,11 @@ import time
 import pytest
 
 import powercut
+from lib.figures import Figure
 from parts.disk import blocklog, mbr
 from parts.guest import testdisk
 from parts.guest.qemu import Boot, Guest
 
-from .figures import Figure
 
 pytestmark = [pytest.mark.retry, pytest.mark.long]
 

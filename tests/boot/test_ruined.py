@@ -6,6 +6,7 @@ import time
 
 import pytest
 
+from lib.figures import Figure, uptime
 from parts.common import run
 from parts.disk import mbr
 from parts.disk.disk import Disk
@@ -13,7 +14,6 @@ from parts.guest import session, testdisk
 from parts.guest.qemu import Boot, Guest
 from parts.guest.session import LOAD, SAVE
 
-from .figures import Figure, uptime
 
 pytestmark = [pytest.mark.retry, pytest.mark.long]
 

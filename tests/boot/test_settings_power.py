@@ -4,12 +4,12 @@ import pathlib
 
 import pytest
 
+from lib.figures import Figure
 from lib.settings_cut import TOGGLES, cuts, toggle, wrong
 from parts.disk import blocklog, mbr
 from parts.disk.disk import Disk
 from parts.guest.qemu import Boot
 
-from .figures import Figure
 
 pytestmark = [pytest.mark.retry, pytest.mark.long]
 

@@ -5,6 +5,7 @@ import time
 
 import pytest
 
+from lib.figures import Figure
 from parts.guest import guest_camera, qemu, session
 from parts.guest.guest_camera import GRABBER
 from parts.guest.machine import Machine
@@ -13,7 +14,6 @@ from parts.media import clip as default_clip, y4m
 from parts.media.recording import FileSystem
 
 from . import camera
-from .figures import Figure
 
 pytestmark = [pytest.mark.strict, pytest.mark.long]
 

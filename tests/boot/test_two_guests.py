@@ -8,13 +8,13 @@ import time
 
 import pytest
 
+from lib.figures import Figure
 from parts.guest import qemu, session, stream, testdisk
 from parts.guest.qemu import Guest
 from parts.media import clip as default_clip
 from parts.media.recording import FileSystem
 
 from . import camera
-from .figures import Figure
 from .segment import MEDIA, REPAIR, REPORTS, Segment
 
 pytestmark = [pytest.mark.retry, pytest.mark.long]

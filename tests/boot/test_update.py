@@ -12,6 +12,7 @@ from collections.abc import Sequence
 import pytest
 
 import build
+from lib.figures import Figure, uptime
 from parts.common import MORTAL, PATIENCE, run
 from parts.disk import mbr
 from parts.guest import testdisk
@@ -23,7 +24,6 @@ from parts.processes import kill
 from parts.release import update_file
 
 from . import slot_image
-from .figures import Figure, uptime
 
 pytestmark = [pytest.mark.retry, pytest.mark.long]
 

@@ -16,6 +16,7 @@ import pytest
 import build
 from lib import update_cut
 from lib.boot_block import BYTES, Block, block_of, menu
+from lib.figures import Figure
 from lib.update_cut import Cuts, State
 from parts.common import OUTPUT, PATIENCE, copy, scratch
 from parts.disk.blocklog import SECTOR, Writes
@@ -28,7 +29,6 @@ from parts.release import update_file
 from parts.testing.campaign import Campaign, Result
 
 from . import slot_image
-from .figures import Figure
 from .test_slots import SLOT, SLOT_BYTES
 
 pytestmark = [pytest.mark.retry, pytest.mark.long]

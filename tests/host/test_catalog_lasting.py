@@ -6,10 +6,10 @@ import json
 import os
 import pathlib
 import re
-from collections.abc import Callable
 
 import pytest
 
+from lib.figures import Figure
 from parts.link.link import Link
 from parts.link.loss import NOTHING, Iid
 
@@ -27,7 +27,6 @@ TOGETHER = 100  # simultaneous subscriptions
 GROWTH = 1536  # KiB after the first quarter: DDS keeps up to 2,048 message buffers for reuse
 MACHINES = 30
 MEMORY = 12288  # KiB of private memory of each catalog
-Figure = Callable[[str, object], None]
 Look = dict[str, tuple[int, int]]  # for each program: KiB of private memory, open files
 
 

@@ -5,17 +5,16 @@ from __future__ import annotations
 import json
 import os
 import subprocess
-from collections.abc import Callable
 from typing import Any
 
 import pytest
 
+from lib.figures import Figure
 from parts.common import MORTAL, OUTPUT
 
 pytestmark = pytest.mark.retry
 
 TESTS = OUTPUT / "desk/ddx/tests"
-Figure = Callable[[str, object], None]
 SEEDS = 10  # per test; 200 in all
 
 

@@ -4,12 +4,12 @@ from __future__ import annotations
 
 import functools
 import pathlib
-from collections.abc import Callable
 
 import pytest
 
 from lib import update_cut
 from lib.boot_block import BYTES, Block, menu
+from lib.figures import Figure
 from lib.update_cut import DATA, SLOTS
 from parts.disk.logged_device import lacking
 
@@ -18,7 +18,6 @@ from .update_disk import FORMER, NEW, RUNNING, UpdateDisk
 pytestmark = [pytest.mark.computes, pytest.mark.retry]
 
 STEPS = pytest.mark.parametrize("step", [32, pytest.param(1, marks=pytest.mark.long)], ids=["some", "all"])
-Figure = Callable[[str, object], None]
 
 
 @functools.cache
@@ -42,7 +41,7 @@ def run_update(disk: UpdateDisk, commands: str) -> None:
 
 
 def judge(disk: UpdateDisk, step: int, firm: bool) -> int:
-    """Returns the number of states that were judged."""
+    """Return the number of states that were judged."""
     disk.stop()
     cuts = update_cut.Cuts(disk.before, disk.block_at, disk.device.log, step)
     assert cuts.strays([(disk.block_at, BYTES), SLOTS[disk.other], DATA]) == []
@@ -52,6 +51,7 @@ def judge(disk: UpdateDisk, step: int, firm: bool) -> int:
         count += 1
         found += update_cut.wrong(state, chosen, whole, firm)
     assert not found, f"{len(found)} of {count} states: {found[:5]}"
+    assert count >= 300
     return count
 
 
@@ -67,9 +67,7 @@ def test_no_power_cut_leaves_half_a_version(tmp_path: pathlib.Path, here: str, s
         assert disk.slot(disk.other).startswith(disk.roots[NEW])
         assert disk.slot(here).startswith(disk.roots[RUNNING])
         assert disk.block() == ({"slot": "B"} if disk.other == "B" else {})
-        states = judge(disk, step, firm=True)
-        record_property("states", states)
-        assert states >= 300
+        record_property("states", judge(disk, step, firm=True))
 
 
 @STEPS
@@ -80,9 +78,7 @@ def test_no_power_cut_while_a_version_is_taken_back(tmp_path: pathlib.Path, step
     with UpdateDisk(tmp_path, "A") as disk:
         run_update(disk, "write start return")
         assert disk.block() == {"failed": "B"}
-        states = judge(disk, step, firm=True)
-        record_property("states", states)
-        assert states >= 300
+        record_property("states", judge(disk, step, firm=True))
 
 
 @STEPS
@@ -94,6 +90,4 @@ def test_a_slot_that_did_not_come_up_is_filled_again(tmp_path: pathlib.Path, ste
     with UpdateDisk(tmp_path, "A", former=False, block={"slot": "B", "begun": "2"}) as disk:
         run_update(disk, "write start keep")
         assert disk.block() == {"slot": "B"}
-        states = judge(disk, step, firm=False)
-        record_property("states", states)
-        assert states >= 300
+        record_property("states", judge(disk, step, firm=False))

@@ -7,15 +7,15 @@ import os
 import pathlib
 import signal
 import time
-from collections.abc import Callable
 
 import pytest
+
+from lib.figures import Figure
 
 from .programs import KEEP, Compiler, Desk, Process, lost, make_clip, pictures, stop, wait_until, worker_of
 
 pytestmark = pytest.mark.retry
 
-Figure = Callable[[str, object], None]
 LATE = 50_000  # us; largest delay of a frame
 RATE = 25      # frames a second
 PAUSE = 0.1    # s between kills
