@@ -13,13 +13,12 @@ import pytest
 from parts.common import MORTAL, run
 from parts.guest import panel
 from parts.guest.native_machine import NativeMachine
-from parts.guest.panel import PASSPHRASE, Request, Visitor
+from parts.guest.panel import OWN, PASSPHRASE, Request, Visitor
 
 pytestmark = pytest.mark.retry
 
 LOG = "ddxlog"  # a service that is off until a visitor switches it on
 SWITCH = f"document.querySelector('#service-{LOG} [role=switch]')"
-OWN = {"Origin": "https://127.0.0.1", "X-Panel": "1"}
 
 
 @pytest.fixture

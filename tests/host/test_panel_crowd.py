@@ -9,16 +9,17 @@ import pathlib
 import subprocess
 import sys
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 
 import pytest
 
 import endurance
+from lib.figures import Figure
 from parts.common import MORTAL, wait_until
 from parts.guest import panel
 from parts.guest.native_disk import NativeDisk
 from parts.guest.native_machine import NativeMachine
-from parts.guest.panel import PASSPHRASE, Visitor
+from parts.guest.panel import OWN, Visitor
 from parts.media.footage import footage
 from parts.processes import Client, kill
 
@@ -26,11 +27,10 @@ from . import absent
 from .programs import lost
 from .test_panel_name import FIRST, Neighbour
 from .test_panel_picture import recorder
-from .test_panel_recordings import OWN, digest, recordings
+from .test_panel_recordings import digest, recordings
 
 pytestmark = [pytest.mark.retry, pytest.mark.long]
 
-Figure = Callable[[str, object], None]
 VIEWERS, DOWNLOADS, PICTURES = 4, 2, 500
 DISK, SEGMENT, BEGUN = 192, 16, 4  # MB of /rec and of a file; files that the recorder begins meanwhile
 # Watches an item as the page does, until it had that many pictures; prints their numbers.
@@ -112,11 +112,6 @@ def program(robot: NativeMachine, text: str, *words: str) -> subprocess.Popen[st
                             stdin=subprocess.PIPE, stdout=subprocess.PIPE)
 
 
-def log_in(robot: NativeMachine) -> str:
-    answer = panel.ask(robot, [("POST", "/panel/login", OWN, PASSPHRASE)])[0]
-    return str(answer[1]["Set-Cookie"]).split(";")[0]
-
-
 def test_viewers_and_downloads_while_the_recorder_recycles(root: pathlib.Path, tmp_path: pathlib.Path) -> None:
     keep = tmp_path / "machine"
     (keep / "rec").mkdir(parents=True)
@@ -133,7 +128,7 @@ def test_viewers_and_downloads_while_the_recorder_recycles(root: pathlib.Path, t
             return bool(begin) and first() != begin
 
         wait_until(recycles, "no file is recycled", 1)
-        cookie = log_in(robot)
+        cookie = panel.log_in(robot)
         files = [name for one in recordings(robot) for name in one["files"]]
         chosen = files[-1 - DOWNLOADS:-1]  # the last one is being recorded
         wanted = [(keep / "rec" / name).read_bytes() for name in chosen]
@@ -154,7 +149,7 @@ def test_viewers_and_downloads_while_the_recorder_recycles(root: pathlib.Path, t
 def test_half_open_connections(root: pathlib.Path, tmp_path: pathlib.Path, record_property: Figure) -> None:
     programs = (*endurance.STAYING, "ddxpanel", "lighttpd", "ddxvideosave")
     with panel.filming(root, tmp_path / "machine") as robot:
-        order = ("POST", "/panel/order", {**OWN, "Cookie": log_in(robot)}, "services")
+        order = ("POST", "/panel/order", {**OWN, "Cookie": panel.log_in(robot)}, "services")
         looks, waits = [endurance.look(robot, programs)], []
         for _ in range(3):  # the first time, the web server gets the memory for all its connections
             holder = program(robot, HOLDS, str(HALF_OPEN))
@@ -176,7 +171,7 @@ def test_half_open_connections(root: pathlib.Path, tmp_path: pathlib.Path, recor
 def test_nothing_grows_with_requests(root: pathlib.Path, tmp_path: pathlib.Path, record_property: Figure) -> None:
     programs = (*endurance.STAYING, "ddxpanel", "lighttpd")
     with panel.filming(root, tmp_path / "machine") as robot:
-        inside = {**OWN, "Cookie": log_in(robot)}
+        inside = {**OWN, "Cookie": panel.log_in(robot)}
         requests = [*(("GET", f"/{name}", {}, None) for name in ("", "style.css", "panel.js", "views.js", "missing")),
                     *(("GET", path, inside, None) for path in ("/panel/session", "/panel/picture/video?after=0",
                                                                "/panel/recording/missing.mp4")),
@@ -224,13 +219,10 @@ def test_pictures_over_a_slow_link(root: pathlib.Path, tmp_path: pathlib.Path, r
     with panel.filming(root, tmp_path / "machine", street) as robot, slow_link(robot) as neighbour, Visitor(
             robot, tmp_path / "browser", panel.certificate(robot), words=neighbour.inside) as visitor:
         visitor.open(f"https://{FIRST}/")
-        visitor.sees("document.getElementById('passphrase')")
-        visitor.logs_in(PASSPHRASE)
-        visitor.sees("document.querySelector('a[href=\"#picture\"]')")
-        visitor.taps("document.querySelector('a[href=\"#picture\"]')")
+        visitor.enters("picture")
         visitor.sees("document.getElementById('picture').dataset.frame")
         visitor.sees("document.getElementById('picture').width === 176")  # the page has found out how slow it is
-        inside = {"Cookie": log_in(robot)}
+        inside = {"Cookie": panel.log_in(robot)}
         answers = panel.ask(robot, [("GET", f"/panel/picture/video?after=0&quality={quality}", inside, "")
                                     for quality in (16, 10, 6, 3)])
         record_property("KB_with_q_16_10_6_3", [round(int(one[1]["Content-Length"]) / 1000, 1) for one in answers])

@@ -8,19 +8,19 @@ import pathlib
 import subprocess
 import sys
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 
 import pytest
 
+from lib.figures import Figure
 from parts.common import MORTAL
 from parts.guest import panel
 from parts.guest.native_machine import NativeMachine
-from parts.guest.panel import PASSPHRASE, Visitor
+from parts.guest.panel import Visitor
 from parts.processes import Client
 
 pytestmark = [pytest.mark.retry, pytest.mark.long]
 
-Figure = Callable[[str, object], None]
 # For each line of standard input: asks until the panel answers, and prints the seconds.
 ASKS = """
 import http.client, ssl, sys, time
@@ -45,27 +45,20 @@ OVER = "Log in again: the session is over."
 LOG = "ddxlog"
 
 
-def enter(visitor: Visitor, page: str) -> None:
-    visitor.sees("document.getElementById('passphrase')")
-    visitor.logs_in(PASSPHRASE)
-    visitor.sees(f"document.querySelector('a[href=\"#{page}\"]')")
-    visitor.taps(f"document.querySelector('a[href=\"#{page}\"]')")
-
-
 def test_each_part_that_is_killed_is_back(root: pathlib.Path, tmp_path: pathlib.Path, record_property: Figure) -> None:
     with panel.filming(root, tmp_path / "machine") as robot, Visitor(
             robot, tmp_path / "browser", panel.certificate(robot)) as visitor:
         client = Client([*MORTAL, *panel.inside(robot), sys.executable, "-c", ASKS])
         client.ask()
         visitor.open()
-        enter(visitor, "services")
+        visitor.enters("services")
         for number, (name, process) in enumerate(PARTS.items(), 1):
             visitor.sees("document.querySelector('#service-ddxpanel')")
             robot.sh(f"kill -9 {process}")
             record_property(f"{name}: back after s", round(client.ask(), 2))
             robot.wait_until(f"ddxctl status ddxpanel | grep -q 'state=running .*restarts={number}$'")
             visitor.reads(OVER)
-            enter(visitor, "services")
+            visitor.enters("services")
         client.end()
         # The program that makes pictures: the page goes on with another one.
         visitor.taps("document.querySelector('a[href=\"#picture\"]')")
@@ -90,7 +83,7 @@ def test_each_service_that_is_killed_is_shown(root: pathlib.Path, tmp_path: path
             robot.sh(f"ddxctl enable {name}")
             robot.wait_until(f"ddxctl status {name} | grep -q state=running")
         visitor.open()
-        enter(visitor, "services")
+        visitor.enters("services")
         killed = [one for one in services(robot) if one["state"] == "running" and one["name"] != "ddxpanel"]
         assert {"ddxstore", "ddxvideoload", "ddxvideosave", "ddxhealth", LOG} <= {one["name"] for one in killed}
         for name in [str(one["name"]) for one in killed]:
@@ -145,7 +138,7 @@ def test_data_is_full_and_then_lost(root: pathlib.Path, tmp_path: pathlib.Path, 
         assert panel.certificate(robot) == shown  # it is there already
         with Visitor(robot, tmp_path / "first", shown) as visitor:
             visitor.open()
-            enter(visitor, "services")
+            visitor.enters("services")
             refuses(robot, visitor, f"/data/ddx/{LOG}.conf: cannot be written; is /data full?")
             visitor.sees("[...document.querySelectorAll('.complaint')].some((one) => /\\/data: 0 of 40 MB free/"
                          ".test(one.innerText) && one.querySelector('.action'))")
@@ -159,7 +152,7 @@ def test_data_is_full_and_then_lost(root: pathlib.Path, tmp_path: pathlib.Path, 
         restarted(robot, 4)
         with Visitor(robot, tmp_path / "second", panel.certificate(robot)) as visitor:
             visitor.open()
-            enter(visitor, "services")
+            visitor.enters("services")
             refuses(robot, visitor, "/data, where settings are kept, is not mounted")
             visitor.sees("[...document.querySelectorAll('.complaint')].some((one) => /\\/data is not mounted/"
                          ".test(one.innerText) && one.querySelector('.action'))")

@@ -13,14 +13,13 @@ import pytest
 
 from parts.guest import panel
 from parts.guest.native_machine import NativeMachine
-from parts.guest.panel import FRAMES, PASSPHRASE, Request, Visitor
+from parts.guest.panel import FRAMES, OWN, Request, Visitor
 from parts.media import clip as numbered_clip
 
 from .programs import lost
 
 pytestmark = pytest.mark.retry
 
-OWN = {"Origin": "https://127.0.0.1", "X-Panel": "1"}
 # The number that the page has for the picture that it shows, the sides, and the luma of each pixel.
 SAMPLE = """(() => {
     const canvas = document.getElementById("picture");
@@ -58,10 +57,7 @@ def test_the_page_shows_the_newest_frame(robot: NativeMachine, tmp_path: pathlib
     robot.wait_until("ddxctl stats --json | grep '\"ddxvideosave\"' | grep -q '\"out\":[1-9]'")
     with Visitor(robot, tmp_path / "browser", panel.certificate(robot)) as visitor:
         visitor.open()
-        visitor.sees("document.getElementById('passphrase')")
-        visitor.logs_in(PASSPHRASE)
-        visitor.sees("document.querySelector('a[href=\"#picture\"]')")
-        visitor.taps("document.querySelector('a[href=\"#picture\"]')")
+        visitor.enters("picture")
         visitor.sees("document.getElementById('picture').dataset.frame")
         numbers = [shown(visitor)]
         while len(numbers) < 6:
@@ -92,8 +88,7 @@ def test_requests_for_pictures(robot: NativeMachine) -> None:
     names = ["one", "two:a", "three", "four"]
     for name in names:
         robot.sh(f"ddxvideoload /test/clip.y4m -rate 0 -name {name} -instance {name}")
-    login = panel.ask(robot, [("POST", "/panel/login", OWN, PASSPHRASE)])[0]
-    inside = {"Cookie": login[1]["Set-Cookie"].split(";")[0]}
+    inside = {"Cookie": panel.log_in(robot)}
 
     def get(path: str, **more: str) -> Request:
         return "GET", f"/panel/picture/{path}", {**inside, **more}, ""

@@ -14,7 +14,7 @@ import pytest
 from parts.common import MORTAL, Closing
 from parts.guest import panel
 from parts.guest.native_machine import NativeMachine
-from parts.guest.panel import PASSPHRASE, Visitor
+from parts.guest.panel import OWN, PASSPHRASE, Visitor
 from parts.processes import kill
 
 from .programs import lost
@@ -22,7 +22,6 @@ from .test_panel_picture import recorder
 
 pytestmark = pytest.mark.retry
 
-OWN = {"Origin": "https://127.0.0.1", "X-Panel": "1"}
 # Fetches a path of standard input (a line of JSON: path, headers, bytes to read at most), and prints status, headers,
 # size and SHA-256; the connection is closed after those bytes.
 FETCH = """
@@ -68,10 +67,7 @@ def test_a_recording_is_split_verified_and_deleted(root: pathlib.Path, tmp_path:
             robot, tmp_path / "browser", panel.certificate(robot)) as visitor:
         robot.wait_until("ddxctl recordings | grep -q ' recording$'")
         visitor.open()
-        visitor.sees("document.getElementById('passphrase')")
-        visitor.logs_in(PASSPHRASE)
-        visitor.sees("document.querySelector('a[href=\"#recordings\"]')")
-        visitor.taps("document.querySelector('a[href=\"#recordings\"]')")
+        visitor.enters("recordings")
         first = str(recordings(robot)[-1]["recording"])
         visitor.sees(f"document.getElementById('recording-{first}').innerText.includes('recording')")
         assert visitor.browser.value(f"{button(first, 'Delete')} === undefined")  # not while it is being recorded
@@ -164,8 +160,7 @@ def test_a_recording_is_downloaded(root: pathlib.Path, tmp_path: pathlib.Path) -
         robot.wait_until("ddxctl recordings | grep -q ' finished$'")
         name = str(recordings(robot)[0]["files"][0])
         file = (robot.keep / "rec" / name).read_bytes()
-        login = panel.ask(robot, [("POST", "/panel/login", OWN, PASSPHRASE)])[0]
-        cookie = {"Cookie": login[1]["Set-Cookie"].split(";")[0]}
+        cookie = {"Cookie": panel.log_in(robot)}
         path = f"/panel/recording/{name}"
         whole = Fetched(robot, path, cookie)
         assert (whole.status, whole.size, whole.digest) == (200, len(file), digest(file))
@@ -212,8 +207,7 @@ def test_a_download_ends_with_its_visitor(root: pathlib.Path, tmp_path: pathlib.
     """A file far larger than what sockets hold, which is not kept anywhere on its way."""
     with panel.filming(root, tmp_path / "machine") as robot:
         file = large(robot, 10)
-        login = panel.ask(robot, [("POST", "/panel/login", OWN, PASSPHRASE)])[0]
-        cookie, path = login[1]["Set-Cookie"].split(";")[0], f"/panel/recording/{LARGE}"
+        cookie, path = panel.log_in(robot), f"/panel/recording/{LARGE}"
         with Slow(robot, path, cookie) as first, Slow(robot, path, cookie) as second:
             assert [first.says(), second.says()] == ["200", "200"]
             answers = panel.ask(robot, [("GET", path, {"Cookie": cookie}, ""), ("GET", path, {}, ""),

@@ -7,7 +7,7 @@ import pathlib
 import pytest
 
 from parts.guest import panel
-from parts.guest.panel import PASSPHRASE, Visitor
+from parts.guest.panel import Visitor
 
 pytestmark = pytest.mark.retry
 
@@ -28,10 +28,7 @@ def test_streams_come_and_go(root: pathlib.Path, tmp_path: pathlib.Path) -> None
             robot, tmp_path / "browser", panel.certificate(robot)) as visitor:
         settings = robot.keep / "data/ddx"
         visitor.open()
-        visitor.sees("document.getElementById('passphrase')")
-        visitor.logs_in(PASSPHRASE)
-        visitor.sees("document.querySelector('a[href=\"#streams\"]')")
-        visitor.taps("document.querySelector('a[href=\"#streams\"]')")
+        visitor.enters("streams")
         visitor.sees(button("ddxvideosend", "Switch on"))
         assert visitor.browser.value(f"{button('ddxvideosend', 'Remove')} === undefined")
         visitor.browser.value(KEEP)
@@ -91,10 +88,7 @@ def test_a_visitor_with_the_longest_address(root: pathlib.Path, tmp_path: pathli
             robot, tmp_path / "browser", panel.certificate(robot)) as visitor:
         robot.sh(f"ip addr add {LONGEST}/128 dev lo")
         visitor.open(f"https://[{LONGEST}]/")
-        visitor.sees("document.getElementById('passphrase')")
-        visitor.logs_in(PASSPHRASE)
-        visitor.sees("document.querySelector('a[href=\"#streams\"]')")
-        visitor.taps("document.querySelector('a[href=\"#streams\"]')")
+        visitor.enters("streams")
         visitor.sees(button("ddxvideosend", "Switch on"))
         visitor.taps("document.getElementById('watch')")
         name = "ddxvideosend.to" + LONGEST.replace(":", "-")

@@ -23,6 +23,7 @@ from parts.media.webkit import WebKit
 PASSPHRASE = "open sesame, please"
 FRAMES = 50  # of the clip that filming() plays for ever
 ADDRESS = "https://127.0.0.1/"
+OWN = {"Origin": "https://127.0.0.1", "X-Panel": "1"}  # headers of the page's own requests
 SHOWN = 100.0  # s; until then a page shows what it shall, also on a busy machine
 # The public key in a P-256 certificate: what comes before its 64 bytes, and the length with them.
 KEY_BEGIN, KEY_SIZE = bytes.fromhex("3059301306072a8648ce3d020106082a8648ce3d030107034200"), 91
@@ -97,6 +98,12 @@ def ask(robot: NativeMachine, requests: Sequence[Request], seconds: float = 60) 
     done = subprocess.run([*MORTAL, *inside(robot), sys.executable, "-c", CLIENT, str(seconds)], input=lines,
                           capture_output=True, text=True, check=True)
     return [json.loads(line) for line in done.stdout.splitlines()]
+
+
+def log_in(robot: NativeMachine) -> str:
+    """The cookie of a new session."""
+    _, headers, _ = ask(robot, [("POST", "/panel/login", OWN, PASSPHRASE)])[0]
+    return str(headers["Set-Cookie"]).split(";")[0]
 
 
 class Phone:
@@ -189,6 +196,14 @@ class Visitor(Closing):
     def logs_in(self, passphrase: str) -> None:
         self.browser.value(f"document.getElementById('passphrase').value = {json.dumps(passphrase)}")
         self.taps("document.querySelector('form button')")
+
+    def enters(self, page: str) -> None:
+        """From the page that asks for the passphrase to that one."""
+        self.sees("document.getElementById('passphrase')")
+        self.logs_in(PASSPHRASE)
+        link = f"document.querySelector('a[href=\"#{page}\"]')"
+        self.sees(link)
+        self.taps(link)
 
     def end(self) -> None:
         self.browser.end()
