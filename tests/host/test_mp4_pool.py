@@ -277,7 +277,8 @@ def test_killed_recorders(desk: Desk) -> None:
 
 def as_older(desk: Desk) -> None:
     """Finish the left file as a recorder does that has no MP4: cut after the last frame in the index."""
-    index = next(one for one in (desk.folder / "rec/pool").glob("*.index") if one.read_bytes()[8] == 2)
+    left = (desk.folder / "rec/pool").glob("*.index")
+    index = next(one for one in left if one.read_bytes()[8:9] == b"\2")  # not an empty one that was just made
     data = bytearray(index.read_bytes())
     fields = list(HEADER.unpack_from(data))
     _, _, _, offset, size, *_ = ENTRY.unpack_from(data, 4096 + 9 * ENTRY.size)
