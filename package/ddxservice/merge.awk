@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: GPL-2.0-or-later
 # Merges the settings files of `instance` of `program` for `service`; a later file overrides, key by key. The first one,
-# `defaults`, is the image's. Prints a line each: `enabled` (`wrong`: a value was refused), `needs`, `once`, and then the
-# lines of the file for launch.c.
+# `defaults`, is the image's. Prints a line each: `enabled` (`wrong`: a value was refused), `needs`, `once`, `stop_seconds`, and
+# then the lines of the file for launch.c.
 
 # Of a setting that the service itself uses; without a value, that is none.
 function put(name, text) {
@@ -34,6 +34,7 @@ END {
 	print wrong ? "wrong" : (values["enabled"] == "no") ? "no" : "yes"
 	print values["needs"]
 	print (values["once"] == "yes") ? "yes" : "no"
+	print (values["stop_seconds"] == "") ? 5 : values["stop_seconds"]
 	put("user", values["user"] == "" ? "nobody" : values["user"])
 	put("group", "ddx")
 	put("nice", values["priority"])
@@ -50,7 +51,7 @@ END {
 	}
 	for (i = 1; i <= count; i++) {
 		key = order[i]
-		if (key ~ /^(enabled|needs|once|oom_score_adj|mounted|memory_limit|user|priority|realtime|argument)$/) continue
+		if (key ~ /^(enabled|needs|once|oom_score_adj|mounted|memory_limit|stop_seconds|user|priority|realtime|argument)$/) continue
 		put("argument", "-" key)
 		put("argument", values[key])
 	}

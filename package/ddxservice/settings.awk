@@ -31,6 +31,7 @@ function wanted() {
 	if (key == "oom_score_adj") return is_number(-1000, 1000) ? "" : "a number from -1000 to 1000"
 	if (value == "") return ""
 	if (key == "memory_limit") return value ~ /^[1-9][0-9]?[0-9]?[0-9]?M$/ ? "" : "megabytes from 1M to 9999M"
+	if (key == "stop_seconds") return is_number(1, 30) ? "" : "a number from 1 to 30"
 	if (key == "user") return value ~ /^[a-z_][a-z0-9_-]*$/ ? "" : "a user's name"
 	if (key == "priority") return is_number(-20, 19) ? "" : "a number from -20 to 19"
 	if (key == "realtime") return is_number(1, 99) ? "" : "a number from 1 to 99"

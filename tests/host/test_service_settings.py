@@ -73,7 +73,8 @@ def supervise(appliance: Appliance) -> None:
 @pytest.mark.parametrize("folder, line", [
     ("data/ddx", "enabled=off"), ("data/ddx", "enabled=No"), ("run/settings", "enabled=false"), ("test", "enabled="),
     ("data/ddx", "enabled = YES"), ("data/ddx", "once=1"), ("data/ddx", "oom_score_adj=low"),
-    ("data/ddx", "oom_score_adj=-1001"), ("data/ddx", "memory_limit=96"), ("data/ddx", "memory_limit=0M")])
+    ("data/ddx", "oom_score_adj=-1001"), ("data/ddx", "memory_limit=96"), ("data/ddx", "memory_limit=0M"),
+    ("data/ddx", "stop_seconds=31")])
 def test_an_invalid_value_is_refused_with_file_and_line(appliance: Appliance, folder: str, line: str) -> None:
     file = appliance.root / folder / "thing.conf"
     file.write_text(f"# mine\n{line}\n")
@@ -145,6 +146,26 @@ def test_several_instances_are_stopped_at_once(appliance: Appliance) -> None:
     assert appliance.run(f"{THING} stop") == (0, "Stopping thing: OK\n")
     assert len(list((appliance.root / "tmp").glob("met.*"))) == 3
     assert [status(appliance, one)[1]["state"] for one in INSTANCES] == ["stopped"] * 3
+
+
+def test_a_service_has_its_seconds_to_stop(appliance: Appliance) -> None:
+    """Of several instances, the longest time counts. One that does not exit is killed."""
+    appliance.add("usr/bin/thing", "#!/bin/sh\ntrap 'sleep $1; exit' TERM\ntouch /tmp/ready.$$\n"
+                                   "while :; do usleep 20000; done\n")
+    (appliance.root / "tmp").mkdir()
+    (appliance.root / "tmp").chmod(0o777)
+    for instance, needed in zip(INSTANCES, ("0", "2", "0")):
+        (appliance.root / f"data/ddx/{instance}.conf").write_text(f"enabled=yes\nargument={needed}\nstop_seconds=1\n")
+    for seconds, said in (("1", "KILLED"), ("4", "OK")):
+        with (appliance.root / f"data/ddx/{INSTANCES[1]}.conf").open("a") as file:
+            file.write(f"stop_seconds={seconds}\n")
+        for old in (appliance.root / "tmp").glob("ready.*"):
+            old.unlink()
+        appliance.run(f"{THING} start")
+        if said == "KILLED":
+            supervise(appliance)
+        wait_until(lambda: len(list((appliance.root / "tmp").glob("ready.*"))) == 3)  # the TERM handlers are set
+        assert appliance.run(f"{THING} stop") == (0, f"Stopping thing: {said}\n")
 
 
 @pytest.mark.parametrize("folder", FOLDERS)
