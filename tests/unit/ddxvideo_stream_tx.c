@@ -287,7 +287,7 @@ static void check_outage(void) {
     write_frame(8, 500);
     run(20 * MS, 8, 0);
     report(65534, 65535, 0, 20 * MS);
-    for (unsigned i = 0; i < 3; i++, now += MS) {
+    for (unsigned i = 0; i < 4; i++, now += MS) {
         CHECK(stream_tx_next(&tx, now, data, &size, &port));
         CHECK(port == STREAM_TX_REPAIR && size == REPAIR_HEADER);
     }

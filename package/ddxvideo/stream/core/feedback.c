@@ -322,12 +322,13 @@ unsigned feedback_wanted(struct feedback *feedback, int64_t now, uint32_t *first
 }
 
 bool feedback_wants_probe(struct feedback *feedback, int64_t now, size_t bytes) {
+    unsigned most = feedback_single(feedback, now) ? tuning.probes : tuning.probes_many;
     bool wanted = false;
 
     for (unsigned i = 0; i < FEEDBACK_REPORTERS; i++) {
         struct feedback_reporter *reporter = &feedback->reporter[i];
 
-        wanted |= is_active(reporter, now) && reporter->deficit.probes &&
+        wanted |= is_active(reporter, now) && reporter->deficit.probes + most > tuning.probes &&
                   budget_tokens(claims_of(reporter), now) >= (int64_t)bytes;
     }
     return wanted && budget_tokens(&feedback->probes, now) >= (int64_t)bytes;

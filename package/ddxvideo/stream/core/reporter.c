@@ -4,7 +4,7 @@
 #include "ddx_time.h"
 
 #define REPORTS_BITS 59000   /* bit/s */
-#define BUCKET_NS (160 * MS) /* twenty reports */
+#define BUCKET_NS (320 * MS) /* 39 reports */
 #define REPORTS_KEPT 1       /* reports that must be left after one without an arrival, for the next arrival */
 #define REPORTS_SPARE 5      /* reports that must be left after a repetition */
 #define JITTER_NS (4 * MS)   /* jitter after which a packet is late */

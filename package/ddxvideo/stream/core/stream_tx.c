@@ -422,10 +422,12 @@ static double part_in_runs(const struct stream_tx *tx, int64_t now) {
 /* Bytes that the next frame and its repair may take more than the rate, since the bucket is fuller than it should be;
  * negative: less. */
 static double spare_bytes(struct stream_tx *tx, int64_t now, bool one_way) {
-    double runs = part_in_runs(tx, now), full = tuning.fill + runs * (tuning.fill_in_runs - tuning.fill);
     double tokens = (double)budget_tokens(&tx->budget, now), size = (double)budget_size(&tx->budget);
+    double runs = part_in_runs(tx, now), many = tuning.fill + runs * (tuning.fill_in_runs_many - tuning.fill);
 
-    return (tokens - (one_way ? tuning.fill_one_way : full) * size) /
+    if (!one_way && feedback_single(&tx->feedback, now))
+        return (tokens - tuning.fill * size) / tuning.fill_frames_alone;
+    return (tokens - (one_way ? tuning.fill_one_way : many) * size) /
            (tuning.fill_frames + runs * (tuning.fill_frames_in_runs - tuning.fill_frames));
 }
 

@@ -13,15 +13,17 @@ static const struct {
     /* ---- The bucket ---- */
     int64_t bucket; /* of the rate that it holds */
     double fill_first;
-    double fill;         /* that is kept for bursts of reported losses */
-    double fill_in_runs; /* the same where losses come in runs: after each run the bucket is less full, and smaller
-                          * frames for a while would look worse than a bucket that is never full */
-    double fill_one_way; /* the same without reports, for frames of different sizes only */
-    double fill_frames;  /* in which the fill level is restored */
-    double fill_frames_in_runs;
-    double fill_reserve; /* fill level up to which a single receiver cannot empty the bucket */
-    double runs_packets; /* mean length of runs at 30 % independent loss; from one more on, all come in runs */
-    double shares_kept;  /* of the bytes sent before, in the shares of media and repair, each frame */
+    double fill;              /* that is kept for bursts of reported losses */
+    double fill_in_runs_many; /* the same where losses come in runs, for several receivers: one of them always misses
+                               * something, and smaller frames would look worse than a bucket that is never full */
+    double fill_one_way;      /* the same without reports, for frames of different sizes only */
+    double fill_frames_alone; /* in which the fill level is restored, for a single receiver: in fewer, frames differ so
+                               * much that some look bad, */
+    double fill_frames;       /* for several receivers, and without reports, */
+    double fill_frames_in_runs; /* and for several where losses come in runs */
+    double fill_reserve;        /* fill level up to which a single receiver cannot empty the bucket */
+    double runs_packets;        /* mean length of runs at 30 % independent loss; from one more on, all come in runs */
+    double shares_kept;         /* of the bytes sent before, in the shares of media and repair, each frame */
 
     /* ---- The link's rate ---- */
     int64_t link_full;       /* that packets wait before the link, above which frames are left out */
@@ -103,17 +105,19 @@ static const struct {
     unsigned run_packets_most; /* a longer run is an outage, which ends by itself */
     unsigned quiet_packets;    /* lost in sequence, after which nothing seems to get through */
     unsigned quiet_packets_in_runs;
-    unsigned probes;            /* sent for each report then */
+    unsigned probes;            /* sent for each report then; */
+    unsigned probes_many;       /* the same for several receivers, whose frames need the rate */
     unsigned probes_unanswered; /* after which the receiver does not seem to know them */
 } tuning = {
     .bucket = 300 * MS,
     .fill_first = 0.5, /* with 0.5 % less than the rate the mean of 30 s is never more */
     .fill = 0.85,
-    .fill_in_runs = 0.5,
+    .fill_in_runs_many = 0.5,
     .fill_one_way = 0.5,
+    .fill_frames_alone = 20,
     .fill_frames = 4,
     .fill_frames_in_runs = 12,
-    .fill_reserve = 0.25,
+    .fill_reserve = 0.1,
     .runs_packets = 1.4,
     .shares_kept = 1 - 1.0 / 75,
     .link_full = 50 * MS,
@@ -139,7 +143,7 @@ static const struct {
     .skip_frames = 2,
     .skip_frames_most = 40,
     .skip_share = 0.3,
-    .outage_packets = 20,
+    .outage_packets = 80,
     .frame_least_bytes = 100,
     .frame_least_share = 0.30,
     .frame_least_share_alone = 0.45,
@@ -189,7 +193,8 @@ static const struct {
     .run_packets_most = 16,
     .quiet_packets = 8,
     .quiet_packets_in_runs = 1,
-    .probes = 3,
+    .probes = 4,
+    .probes_many = 3,
     .probes_unanswered = 60,
 };
 
