@@ -11,6 +11,7 @@ import contextlib
 import functools
 import json
 import pathlib
+import shlex
 import time
 from collections.abc import Iterable
 from typing import Any
@@ -49,15 +50,29 @@ PROGRAM_LIMIT = 256   # KiB of all processes of one name
 FILES_LIMIT = 64      # KiB in /run and /tmp
 # Descriptors and processes come and go with requests to the store and the memory of frames.
 NUMBER_LIMIT = {"descriptors": 8, "processes": 2}
+# Counts the descriptors in the output of `ls -l`, and the items of which a process has the memory of two epochs, until
+# a reader has read the former one to its end. The slots of one epoch count as one descriptor, since the logger keeps
+# more of them for good after a busy moment. Another descriptor of a slot counts.
+COUNT_FILES = ('/^\\/proc/ { process = $1 } / -> / { count++ } '
+               '(at = index($0, "/memfd:")) && split(substr($0, at), word, " ") > 4 && word[4] == "frame" { '
+               'item = process word[1]; slot = item " " word[2] " " word[5]; slots[slot]; '
+               'two += item in epoch && epoch[item] != word[2]; epoch[item] = word[2] } '
+               'END { for (slot in slots) count--; for (item in epoch) count++; print count, two + 0 }')
 Look = dict[str, int]
+
+
+def files(robot: Robot) -> tuple[int, int]:
+    """Descriptors of all processes, and items of which a process has two epochs."""
+    text = robot.sh(f"ls -l /proc/[0-9]*/fd 2> /dev/null | awk {shlex.quote(COUNT_FILES)}")
+    count, two = map(int, text.split())
+    return count, two
 
 
 def look(robot: Robot, programs: tuple[str, ...]) -> Look:
     """Memory and files in KiB, descriptors and processes, after caches were dropped."""
     if isinstance(robot, Guest):
         robot.sh("sync; echo 3 > /proc/sys/vm/drop_caches")
-    several = [(int(robot.sh("ls -d /proc/[0-9]*/fd/* 2> /dev/null | wc -l")),
-                int(robot.sh("set -- /proc/[0-9]*; echo $#"))) for _ in range(GLANCES)]
+    several = [(files(robot)[0], int(robot.sh("set -- /proc/[0-9]*; echo $#"))) for _ in range(GLANCES)]
     found = {"descriptors": min(one for one, _ in several), "processes": min(one for _, one in several),
              "files": int(robot.sh("echo $(($(du -skx /run /tmp | awk '{ n += $1 } END { print n }') - "
                                    "$(du -skx /run/log | cut -f 1)))"))}
@@ -80,6 +95,7 @@ def settled(robot: Robot, names: tuple[str, ...]) -> None:
         if name in PASSING_ON:
             passes_on(robot, name)
     wait_until(lambda: not requests_are_logged(robot), "ddxlog holds what has no writer", 1)
+    wait_until(lambda: files(robot)[1] == 0, "a program keeps the memory of a former epoch", 1)
 
 
 def requests_are_logged(robot: Robot) -> bool:

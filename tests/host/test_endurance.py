@@ -2,11 +2,13 @@
 """Nothing grows while services are switched thousands of times, or while video flows, on the host's kernel. Also tests
 the verdict: a leak is reported, normal variation is not."""
 import pathlib
+import subprocess
 from collections.abc import Callable
 
 import pytest
 
 import endurance
+from parts.guest.robot import Robot
 
 pytestmark = pytest.mark.retry
 
@@ -41,8 +43,35 @@ def test_a_short_lived_process_is_not_growth() -> None:
     assert len(endurance.growth(looks)) == 1
 
 
+class Printed(Robot):
+    """A robot on which a command's input is this text instead of what `ls` prints."""
+
+    def __init__(self, text: str) -> None:
+        self.text = text
+
+    def run(self, command: str, timeout: float = 0) -> tuple[int, str]:
+        done = subprocess.run(["sh", "-c", command[command.index("|") + 1:]], input=self.text, capture_output=True,
+                              text=True)
+        return done.returncode, done.stdout
+
+
+def memory(process: int, *slots: int, epoch: int = 1) -> str:
+    return f"/proc/{process}/fd:\ntotal 0\n" + "".join(
+        f"lr-x------ 1 root root 64 Nov 1 00:00 {slot} -> /memfd:video {epoch} 0123 frame {slot} (deleted)\n"
+        for slot in slots)
+
+
+@pytest.mark.parametrize("more, count, two", [
+    (memory(7, *range(18, 34)), 1, 0), (memory(7, 3), 2, 0), (memory(8, *range(18)), 2, 0),
+    (memory(7, 1, epoch=2), 1, 1), (memory(7).replace("total 0", "l 1 root 90 -> /memfd:video pin (deleted)"), 2, 0)],
+    ids=["more slots", "a slot again", "another process", "a former epoch", "another file"])
+def test_descriptors_are_counted(more: str, count: int, two: int) -> None:
+    """More slots of the same epoch are no growth; a second descriptor of one, and a former epoch, are."""
+    assert endurance.files(Printed(memory(7, *range(18)) + more)) == (count, two)
+
+
 def test_nothing_grows(root: pathlib.Path) -> None:
-    """Growth counts only if it repeats: a restarted logger may briefly hold frames of two epochs."""
+    """Growth counts only if it repeats: requests to the store come and go."""
     if endurance.growth(endurance.natively(root, "toggles", FEW, LOOKS)):
         assert endurance.growth(endurance.natively(root, "toggles", FEW, LOOKS)) == []
 
