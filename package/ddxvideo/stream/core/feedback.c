@@ -130,10 +130,12 @@ static void begin_reporter(struct feedback *feedback, struct feedback_reporter *
     init_claims(&reporter->hopeless, feedback->rate, CLAIMS_SHARE_HOPELESS, now);
 }
 
-/* Notes whether the reporter has losses. */
-static void note_loss(struct feedback_reporter *reporter, int64_t now) {
+/* Notes whether the reporter has losses, and grants it fewer probes if it is one of several. */
+static void note_loss(struct feedback *feedback, struct feedback_reporter *reporter, int64_t now) {
     if (reporter->deficit.needed || reporter->deficit.loss > 0)
         reporter->lossy = now;
+    if (reporter->deficit.probes > tuning.probes_many && !feedback_single(feedback, now))
+        reporter->deficit.probes = tuning.probes_many;
 }
 
 static enum feedback_count outcome_of(int error) {
@@ -151,7 +153,7 @@ static enum feedback_count first_report(struct feedback *feedback, int64_t now, 
         return error ? outcome_of(error) : FEEDBACK_FLOOD;
     begin_reporter(feedback, room, report, address, now);
     room->deficit = deficit;
-    note_loss(room, now);
+    note_loss(feedback, room, now);
     return FEEDBACK_USED;
 }
 
@@ -165,7 +167,7 @@ static enum feedback_count use_report(struct feedback *feedback, int64_t now, co
         return FEEDBACK_FLOOD;
     int error = deficit_report(&reporter->deficit, &feedback->sent, &feedback->repairs, now, report);
     if (!error)
-        note_loss(reporter, now);
+        note_loss(feedback, reporter, now);
     return outcome_of(error);
 }
 
@@ -322,13 +324,12 @@ unsigned feedback_wanted(struct feedback *feedback, int64_t now, uint32_t *first
 }
 
 bool feedback_wants_probe(struct feedback *feedback, int64_t now, size_t bytes) {
-    unsigned most = feedback_single(feedback, now) ? tuning.probes : tuning.probes_many;
     bool wanted = false;
 
     for (unsigned i = 0; i < FEEDBACK_REPORTERS; i++) {
         struct feedback_reporter *reporter = &feedback->reporter[i];
 
-        wanted |= is_active(reporter, now) && reporter->deficit.probes + most > tuning.probes &&
+        wanted |= is_active(reporter, now) && reporter->deficit.probes &&
                   budget_tokens(claims_of(reporter), now) >= (int64_t)bytes;
     }
     return wanted && budget_tokens(&feedback->probes, now) >= (int64_t)bytes;
