@@ -125,7 +125,7 @@ static int read_all(void) {
         if (result.last != before)
             empty = -1;
     }
-    /* What did not come before the last one that came. */
+    /* Frames that had not come when the last one came. */
     result.lost += warm_up + frames - (result.last > warm_up ? result.last : warm_up);
     return 0;
 }

@@ -1,7 +1,8 @@
 /* SPDX-License-Identifier: GPL-2.0-or-later */
 /*
- * What main.c asks of each way to pass frames. Everything that is measured, and the measuring itself, is in main.c, the
- * same for all; a peer only moves frames. int functions return 0, or say what is wrong on stderr and return another.
+ * The functions that main.c calls of each way to pass frames. Everything that is measured, and the measuring itself, is
+ * in main.c, the same for all; a peer only moves frames. int functions return 0; else they print an error and return
+ * another number.
  */
 #ifndef PEER_H
 #define PEER_H

@@ -1,6 +1,6 @@
 /* SPDX-License-Identifier: GPL-2.0-or-later */
 /*
- * What ddxvideoview needs for a frame, beside the same sws_scale() alone: VGA to 1024x768, both drawn into memory. A
+ * The time of ddxvideoview for a frame, beside the same sws_scale() alone: VGA to 1024x768, both drawn into memory. A
  * frame is copied out of the store, drawn, and gets its status below it. view [FRAMES]; prints one line of JSON.
  */
 #include <libavutil/pixfmt.h>

@@ -79,7 +79,7 @@ def write(line: dict[str, object]) -> None:
 
 
 class Outcomes:
-    """What came of each test: its three phases are one outcome."""
+    """The outcome of each test: its three phases together."""
 
     def __init__(self) -> None:
         self.items: dict[str, pytest.Item] = {}

@@ -155,8 +155,8 @@ def video(robot: Robot, programs: tuple[str, ...], minutes: int) -> list[Look]:
 
 
 def growth(looks: list[Look]) -> list[str]:
-    """What has grown from the first to the last quarter of the looks; in favour of less growth, since a short-lived
-    process is not growth."""
+    """The figures that have grown from the first to the last quarter of the looks; in favour of less growth, since a
+    short-lived process is not growth."""
     some = max(1, len(looks) // 4)
     found = []
     for name in looks[0]:

@@ -28,6 +28,7 @@ PLAIN = [
     (r"\banew\b", "again"),
     (r"\bso many\b", "a number or a name"),
     (r"\btold of\b|\bis told\b", "gets, receives, reports"),
+    (r"(/\*|^ \*|(?<!#)#|\"\"\") ?(?-i:What|Which|Who) ", "a noun instead of a clause without one"),
     (r"\bhas an? (ear|say|eye)\b|\bin the books?\b|\bby hand of\b", "no metaphors"),
 ]
 # The rules themselves, the history, and names.

@@ -21,7 +21,7 @@ from parts.testing.campaign import Campaign
 WORK = OUTPUT / "newmachine"
 SECONDS = 5400  # of a run; limits a wait that would never end
 
-# What a new user types after `make desktop`: the examples of docs/store.md, with the clip of the bench.
+# The commands that a new user types after `make desktop`: the examples of docs/store.md, with the clip of the bench.
 FIRST_TRY = """
 ddxctl -help > /dev/null && man -w ddx_store_open > /dev/null
 mkdir try && cd try && cp ../examples/reader.c ../examples/reader.py .

@@ -34,7 +34,7 @@ SSH = ("ssh", "-o", "BatchMode=yes", "-o", "ConnectTimeout=15", "-o", "ServerAli
 
 @dataclasses.dataclass(frozen=True)
 class Status:
-    """What `ddxctl update status --json` reports."""
+    """The report of `ddxctl update status --json`."""
     running: str
     chosen: str
     last: str
@@ -131,7 +131,7 @@ class Rollout:
         written = f"write {robot.name}"
         if status.runs(self.what) or status.restarts(self.what):
             return
-        # What a robot has is compared with the file's hashes before `ddxctl update -` returns, not by `status`.
+        # A robot's version is compared with the file's hashes before `ddxctl update -` returns, not by `status`.
         if self.campaign.results.get(written) and status.written(self.what):
             return
         done = robot.ssh("ddxctl update -", self.update)

@@ -238,14 +238,14 @@ struct ends {
 static int run_web_process(void *argument) {
     struct ends *ends = argument;
 
-    /* Nothing else of root's process: neither the ports nor its end of the socket pair. */
+    /* Close root's other descriptors: the ports, and its end of the socket pair. */
     int listener = fcntl(ends->listener, F_DUPFD, 16), root = fcntl(ends->root, F_DUPFD, 16);
     if (listener < 0 || root < 0 || dup2(listener, 3) < 0 || dup2(root, 4) < 0 || close_range(5, ~0u, 0))
         return -errno;
     return web_serve(3, 4);
 }
 
-/* It needs no right: its port is above 1023. Other machines decide how much it has to remember. */
+/* mdnsd needs no privilege, since its port is above 1023. Its memory is limited, since other machines fill it. */
 static int run_mdnsd(void *argument) {
     const struct rlimit memory = {8u << 20, 8u << 20};
     char *const command[] = {MDNSD, "-n", "-l", "err", ANNOUNCED, NULL};

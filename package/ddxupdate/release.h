@@ -1,5 +1,5 @@
 /* SPDX-License-Identifier: GPL-2.0-or-later */
-/* What an image says about itself in its os-release. */
+/* The lines about an image in its os-release. */
 #ifndef DDXUPDATE_RELEASE_H
 #define DDXUPDATE_RELEASE_H
 

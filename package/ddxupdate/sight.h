@@ -1,5 +1,5 @@
 /* SPDX-License-Identifier: GPL-2.0-or-later */
-/* What a trial looks at: the machine as it is now, and as it was before the restart. */
+/* The state that a trial judges: of the machine now, and before the restart. */
 #ifndef DDXUPDATE_SIGHT_H
 #define DDXUPDATE_SIGHT_H
 
@@ -85,7 +85,7 @@ struct sight {
 /* Look at all but `services.list`, which is only brought up to date, and `ssh`. */
 void sight_look(const struct place *place, struct sight *sight);
 
-/* What was before, as noted in /data/update. */
+/* The state before the restart, as noted in /data/update. */
 struct former {
     bool known;
     char runs[WORDS_MAX], flows[WORDS_MAX], links[WORDS_MAX], addresses[WORDS_MAX]; /* names with blanks in between */

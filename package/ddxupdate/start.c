@@ -30,7 +30,7 @@ static int find_other(const struct request *request, struct release *running, st
     return 0;
 }
 
-/* What the other version will have to do as well. */
+/* Note what works now and must work with the other version. */
 static void look_around(const struct place *place, struct former *former) {
     static struct sight before, now;
     struct rules rules;

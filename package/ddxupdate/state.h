@@ -1,6 +1,6 @@
 /* SPDX-License-Identifier: GPL-2.0-or-later */
 /*
- * What a machine remembers about its updates: /data/update, lines NAME=VALUE. The file is replaced as a whole, so a
+ * The machine's notes about its updates: /data/update, lines NAME=VALUE. The file is replaced as a whole, so a
  * power cut leaves the old or the new one. Lines of other versions of this program stay.
  *
  *   proven   the slot that has come up last as the chosen one

@@ -1,5 +1,5 @@
 /* SPDX-License-Identifier: GPL-2.0-or-later */
-/* What is in both slots, which one is started next, and how the last attempt went. Writes nothing. */
+/* Print the versions in both slots, the slot that is started next, and the result of the last attempt. */
 #include <inttypes.h>
 #include <stdio.h>
 #include <string.h>

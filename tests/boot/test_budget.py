@@ -39,7 +39,7 @@ def counted(boot: Boot, clip: pathlib.Path) -> budget.Timeline:
 
 
 def save_sizes(image: pathlib.Path, guest: Guest) -> str:
-    """What takes the bytes and the memory: output/<board>/sizes.json. Returns a table."""
+    """Write the sizes of files and the use of memory to output/<board>/sizes.json. Return a table."""
     files, used = sizes.of_image(image.parent / "root"), sizes.of_memory(guest)
     (image.parent / "sizes.json").write_text(json.dumps({"image": files, "memory": used}, indent=1) + "\n")
     return sizes.table(files, used)

@@ -125,7 +125,7 @@ def test_there_and_back(image: pathlib.Path, root: pathlib.Path, board: Machine,
 
 def test_a_stick_that_is_pulled_out(boot: Boot, image: pathlib.Path, root: pathlib.Path,
                                     tmp_path: pathlib.Path) -> None:
-    """It is plugged in again, and the update goes on."""
+    """The stick is plugged in again, and the update goes on."""
     new, file = updated(image, root, tmp_path)
     stick = tmp_path / "stick.img"
     run(["mkfs.vfat", "-C", stick, str(96 << 10)])

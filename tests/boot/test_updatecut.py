@@ -56,7 +56,7 @@ def short_trial(root: pathlib.Path) -> None:
 
 
 def long_trial(root: pathlib.Path) -> None:
-    """It is decided by hand."""
+    """The trial is decided by hand."""
     (root / "etc/ddx/trial").write_text("good=900\ndeadline=900\nwatchdog=300\n")
 
 

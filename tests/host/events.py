@@ -203,7 +203,7 @@ class Script:
         self.folder.mkdir()
         self.thaw(self.recorder)
         if any(name.startswith(f"{self.folder}/") for name in open_now):  # the folder itself is open only for reading
-            # It notices within a second. If it were killed before, its file would look like a moved one.
+            # The recorder notices within a second. If it were killed before, its file would look like a moved one.
             assert self.recorder is not None and self.recorder.wait(60) == 1
 
     def change_size(self) -> None:

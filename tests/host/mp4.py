@@ -110,7 +110,7 @@ def stamps(path: pathlib.Path) -> list[Stamp]:
 
 
 def probe(path: pathlib.Path) -> dict[str, Any]:
-    """What ffprobe finds: the stream, and its frames, decoded."""
+    """The stream and its decoded frames, as ffprobe finds them."""
     done = subprocess.run(["ffprobe", "-v", "error", "-show_streams", "-show_frames", "-of", "json", path],
                           capture_output=True, text=True, check=True, timeout=60)
     assert done.stderr == ""

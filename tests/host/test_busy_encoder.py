@@ -38,8 +38,8 @@ def robot(root: pathlib.Path, tmp_path: pathlib.Path) -> Iterator[NativeMachine]
 
 
 def test_health_answers(robot: NativeMachine) -> None:
-    """It names the encoder, which gives up its real-time priority; a frame that is not encoded is counted. On a busy
-    machine the encoder gets less of the processor then, and takes its priority back: so each is waited for."""
+    """Health names the encoder, which gives up its real-time priority; a frame that is not encoded is counted. On a
+    busy machine the encoder gets less of the processor then, and takes its priority back: so each is waited for."""
     robot.wait_until(f"chrt -p $(pidof {SAVE}) | grep -q SCHED_FIFO")
     robot.wait_until("ddxctl health --json > /tmp/said; grep -q 'encoding takes [89]. % of a processor' /tmp/said")
     line = next(one for one in map(json.loads, robot.sh("cat /tmp/said").splitlines()) if one["title"] == "recorder")

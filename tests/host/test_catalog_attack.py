@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-2.0-or-later
-"""What another machine in the network can do to a robot by its catalog; docs/catalog.md has a table of it."""
+"""Attacks of another machine in the network on a robot by its catalog; docs/catalog.md has a table of them."""
 from __future__ import annotations
 
 import pathlib
@@ -219,7 +219,7 @@ def test_a_forged_participant_is_forgotten(begin: Begin, link: Link) -> None:
 
 
 def test_the_limit_of_bytes(begin: Begin, link: Link) -> None:
-    """It holds for what forged participants cause, too."""
+    """The limit of the rate holds for answers to forged participants, too."""
     begin(f"bandwidth {LIMIT >> 10}K\nmulticast no\n")
     near = [participant(number, link.operator[0].address, NEAR) for number in range(PARTICIPANTS)]
     since = time.monotonic()

@@ -340,7 +340,7 @@ def test_ros_reads_an_item_of_any_type(begin: Begin, laptop: Laptop) -> None:
 
 
 def test_a_catalog_stops_soon_while_readers_are_silent(begin: Begin, laptop: Laptop) -> None:
-    """It waits one second for all of them together."""
+    """The catalog waits one second for all of them together."""
     robot = begin("")
     names = [f"s{number}" for number in range(8)]
     writers = [robot.start("write", name) for name in names]

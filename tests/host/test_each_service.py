@@ -99,8 +99,8 @@ def test_services_that_hang_are_replaced_and_counted(robot: NativeMachine) -> No
 
 
 def test_a_worker_of_the_store_that_hangs_is_replaced(robot: NativeMachine) -> None:
-    """It is replaced before any client gives up: no service stops, the store is not restarted, and no recorded frame
-    is lost."""
+    """The worker is replaced before any client gives up: no service stops, the store is not restarted, and no recorded
+    frame is lost."""
     wait_until(lambda: frames(robot, SAVE) > 0)
     pid = robot.sh("cat /run/service/ddxstore/supervise/pid")
     worker = robot.sh(f"pgrep -P {pid}")

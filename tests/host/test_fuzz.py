@@ -23,7 +23,7 @@ def test_fuzzing_finds_no_defect(target: str) -> None:
     assert fine, text[-5000:]
     executed = [int(line.split()[-1]) for line in text.splitlines() if "number_of_executed_units" in line]
     corpus = [path for folder in fuzz.seeds(target) for path in folder.iterdir()]
-    # It ran inputs beyond the committed corpus. Those of rtps wait for threads, which a busy machine delays.
+    # The fuzzer ran inputs beyond the committed corpus. Those of rtps wait for threads, which a busy machine delays.
     assert executed and executed[0] > (1 if target == fuzz.FOREIGN else 10) * len(corpus)
 
 

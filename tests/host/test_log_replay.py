@@ -110,7 +110,7 @@ def test_replay_in_steps(desk: Desk, first: pathlib.Path) -> None:
 
 
 def test_an_item_with_another_writer_is_left_out(desk: Desk, compile_client: Compiler, first: pathlib.Path) -> None:
-    """It is reported and counted; the other items are replayed."""
+    """The item is reported and counted; the other items are replayed."""
     other = write(desk, compile_client, "gps", 1000, 10000, "other", readers=0)
     wait_until(lambda: desk.sequence("gps") > 0)
     player = desk.run("ddxlog", "-replay", first, "-rate", "0")

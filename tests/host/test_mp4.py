@@ -222,8 +222,8 @@ def end_pipeline(shell: Process) -> None:
 
 
 def test_a_pipe_that_is_read_late(desk: Desk) -> None:
-    """What the queue has no room for is lost before it is encoded: no picture refers to it, and the next one tells how
-    many are missing."""
+    """A frame for which the queue has no room is lost before it is encoded: no picture refers to it, and the next frame
+    has the number of lost ones."""
     pipe, count = desk.folder / "pipe", 50
     os.mkfifo(pipe)
     saver = start_recorder(desk, "-output", pipe, "-format", "h264", "-quality", "0", "-ring", "2")

@@ -165,7 +165,7 @@ def numbers(y4m: pathlib.Path) -> list[int | None]:
 @pytest.mark.long
 @pytest.mark.parametrize("state", ["finished", "cut", "recovered"])
 def test_mpv(desk: Desk, state: str) -> None:
-    """It shows each frame, and from any place on, also in a cut file."""
+    """mpv shows each frame, and from any place on, also in a cut file."""
     need("mpv", "mpv")
     path = make(desk, state)
     frames = FRAMES - (state != "finished")
@@ -180,7 +180,7 @@ def test_mpv(desk: Desk, state: str) -> None:
 @pytest.mark.long
 @pytest.mark.parametrize("state", ["finished", "cut", "recovered"])
 def test_ffplay(desk: Desk, state: str) -> None:
-    """It shows each frame, if need be late, and seeks to the key frame before a place."""
+    """ffplay shows each frame, if need be late, and seeks to the key frame before a place."""
     need("ffplay", "ffmpeg")
     path = make(desk, state)
     frames = FRAMES - (state != "finished")
@@ -194,8 +194,8 @@ def test_ffplay(desk: Desk, state: str) -> None:
 @pytest.mark.long
 @pytest.mark.parametrize("state", ["finished", "cut", "recovered"])
 def test_vlc(desk: Desk, state: str) -> None:
-    """It shows a finished file from any place on, and a cut one from its beginning. It may leave
-    out the first or the last frame."""
+    """VLC shows a finished file from any place on, and a cut one from its beginning. It may leave out the first or the
+    last frame."""
     need("vlc", "vlc-bin")
     path = make(desk, state)
     frames = FRAMES - (state != "finished")

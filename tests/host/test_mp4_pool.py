@@ -141,7 +141,7 @@ def test_a_full_index_begins_the_next_file(desk: Desk) -> None:
 
 
 def test_lost_frames_are_in_index_and_stamps(desk: Desk) -> None:
-    """Those that the store lost, and those that the encoder refused."""
+    """Frames that the store lost, and frames that the encoder refused."""
     library = preload("coded_faults", desk.folder)
     saver = desk.start("ddxvideosave", "-output", "rec", "-segment", "4", "-format", "h264", "-keep", "4",
                        wrapper=("env", f"LD_PRELOAD={library}", "FAILING_AT=1"))
@@ -344,8 +344,8 @@ def test_a_damaged_first_block(desk: Desk) -> None:
 
 @pytest.mark.parametrize("ring", [64, 4])
 def test_pre_roll(desk: Desk, ring: int) -> None:
-    """It waits encoded, and begins with a key frame; the recording goes on with the same encoder. The first one has
-    more bytes than a file, and the second one less memory than from key frame to key frame."""
+    """The pre-roll waits encoded, and begins with a key frame; the recording goes on with the same encoder. The first
+    pre-roll has more bytes than a file, and the second one less memory than from key frame to key frame."""
     played = pictures(noise(desk.folder / "clip.y4m", 25))
     saver = begin(desk, "-quality", "0", "-start", "paused", "-pre-roll", "2", "-ring", ring)
     loader = desk.start("ddxvideoload", "clip.y4m", "-loop", "-readers", "1")

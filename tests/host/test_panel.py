@@ -69,7 +69,7 @@ def visit(robot: NativeMachine, visitor: Visitor) -> None:
     visitor.sees(f"{SWITCH}.getAttribute('aria-checked') === 'false'")
     assert "enabled=no" in (robot.keep / f"data/ddx/{LOG}.conf").read_text()
     robot.wait_until(f"! kill -0 {pid}")  # the page may see the new setting first
-    # What a program printed is text, whatever it is.
+    # A program's output is text, whatever it contains.
     robot.sh(f"echo '<img src=x onerror=\"document.title=1\">&lt;b>' > /run/evil; chown ddxlog /run/evil; "
              f"chpst -u ddxlog sh -c 'cat /run/evil >> /run/log/{LOG}/current'")
     visitor.taps(f"document.querySelector('#service-{LOG} a')")

@@ -1,6 +1,6 @@
 # SPDX-License-Identifier: GPL-2.0-or-later
-"""What a visitor of the panel sees when the panel's parts and the machine's services are killed, and when /data is full
-or lost: the page shows it, and works again."""
+"""The panel's parts and the machine's services are killed, and /data is full or lost: the page shows that to a visitor,
+and works again."""
 from __future__ import annotations
 
 import json

@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: GPL-2.0-or-later
-"""What the panel costs on this machine's own kernel: memory and processor time of all its parts, without a visitor and
-with one that watches; how old a picture is when it is drawn; what a visit fetches; how long pages take with a fifth
-of a processor; what the panel adds to the image."""
+"""The costs of the panel on this machine's own kernel: memory and processor time of all its parts, without a visitor
+and with one that watches; the age of a picture when it is drawn; the bytes of a visit; the time of pages with a fifth
+of a processor; the bytes that the panel adds to the image."""
 from __future__ import annotations
 
 import pathlib

@@ -77,7 +77,7 @@ def test_the_page_shows_the_newest_frame(robot: NativeMachine, tmp_path: pathlib
         robot.sh(f"kill -CONT {loader}")
         visitor.sees(f"!{OLD}")
         assert shown(visitor) > last
-        # Nothing goes on for a page that is not shown.
+        # No process goes on for a page that is not shown.
         visitor.taps("document.querySelector('a[href=\"#services\"]')")
         robot.wait_until("! pgrep ddxvideosnap")
     counters = recorder(robot)

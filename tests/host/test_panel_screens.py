@@ -22,7 +22,7 @@ PAGES = {"health": "checked now", "services": "ddxhealth", "picture": "frame ", 
          "streams": "File for players", "messages/ddxpanel": "logged in", "report": "Make the report",
          "machine": "Power off"}
 LONG = "ddxvideosend.tofd12-3456-789a-bcde-f012-3456-789a-bcde"  # of a visitor with IPv6
-# What is beyond the screen, what has no room for its text, and controls that cover each other.
+# Elements beyond the screen, elements without room for their text, and controls that cover each other.
 WRONG = """(() => {
     for (const one of document.querySelectorAll("details")) one.open = true;
     const name = (one) => `${one.tagName} ${one.id} ${one.textContent.slice(0, 40)}`, wrong = [];

@@ -1,6 +1,6 @@
 # SPDX-License-Identifier: GPL-2.0-or-later
-"""What docs/technician.md types on the robot in sections 3 to 8, but for keys, a visitor of the panel does on a screen
-360 pixels wide: each command, in the page's order, by taps on what is on the screen; the panel's log has the order."""
+"""Each command of docs/technician.md, sections 3 to 8, but for keys, is done by a visitor of the panel on a screen 360
+pixels wide, in the page's order, by taps on elements of the screen; the panel's log has the order."""
 from __future__ import annotations
 
 import json

@@ -41,7 +41,7 @@ def test_paper_client(desk: Desk, compile_client: Compiler) -> None:
 
 
 def test_a_picture_larger_than_the_client_s_struct(desk: Desk, compile_client: Compiler) -> None:
-    """It is refused, not truncated or torn."""
+    """The frame is refused, not truncated or torn."""
     program = compile_client("paper_client")
     clip = make_clip(desk.folder / "clip.y4m", "1280x720", "20", 10)
     client = desk.start(program, 1)

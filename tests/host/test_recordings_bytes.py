@@ -89,7 +89,7 @@ def without_sum(file: pathlib.Path) -> None:
 
 
 def test_an_index_of_an_older_recorder(desk: Desk, file: pathlib.Path) -> None:
-    """It has no checksum of the first line, which must still be valid for pictures of that size."""
+    """The file has no checksum of the first line, which must still be valid for pictures of that size."""
     without_sum(file)
     assert verify(desk) == ""
     data = file.read_bytes()

@@ -95,7 +95,7 @@ class Fleet:
         (self.folder / name / file).write_text(f"{text}\n")
 
     def run(self) -> list[str]:
-        """What the robots have noted in this call."""
+        """The lines that the robots have noted in this call."""
         log = self.folder / "log"
         log.write_text("")
         try:

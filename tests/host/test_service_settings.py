@@ -225,7 +225,7 @@ def test_an_invalid_name_of_an_instance(appliance: Appliance) -> None:
 
 
 def test_add_takes_settings_only(appliance: Appliance) -> None:
-    """What `service` would ignore is refused, and nothing is left behind."""
+    """A setting that `service` would ignore is refused, and no file is left."""
     appliance.install("package/ddxservice/control", "usr/libexec/ddx/control")
     appliance.add("etc/init.d/S50thing", "")
     appliance.add("usr/bin/thing", "#!/bin/sh\necho '  -instance NAME'\n")

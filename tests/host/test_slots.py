@@ -147,7 +147,7 @@ def test_an_unproven_slot_is_not_remembered(robot: Robot) -> None:
 @pytest.mark.parametrize("options", [("-F", "12", "-s", "16"), ("-F", "16", "-s", "2"), ("-F", "32", "-s", "1"),
                                      ("-F", "16", "-s", "4", "-R", "8")])
 def test_the_block_is_found_on_any_fat(tmp_path: pathlib.Path, options: tuple[str, ...]) -> None:
-    """Nothing but the block is changed."""
+    """Only the block is changed."""
     card, proc = tmp_path / "card", tmp_path / "proc"
     for name in ("proc", "run", "data"):
         (tmp_path / name).mkdir()

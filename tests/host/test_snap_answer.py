@@ -78,7 +78,7 @@ def test_the_newest_frame_and_no_other(played: Desk) -> None:
     assert int(age) < int(coarse[3]) < int(half[3])  # of the frame, not of the answer
     assert answering.ask("8 3 1") == (["nothing"], b"")
     assert answering.ask("9 3 1")[0][1] == "8"  # of a store that was lost
-    # What a source says of a frame.
+    # The source's number of a frame, and its losses.
     assert played.run("ddxctl", "set", "video", "frame=42", "source_lost=5").returncode == 0
     words, picture = answering.ask("8 3 1")
     assert (words[1], words[2], words[4]) == ("9", "42", "5") and number_in(picture) == 7

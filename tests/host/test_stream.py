@@ -73,15 +73,15 @@ def test_frames_and_packets_waiting_at_the_end_are_counted(stream: Stream, clip:
         process.send_signal(signal.SIGCONT)
         results += finish(process)
     (_, _, sent), (lines, _, shown) = results
-    # It was frozen when it counted the first frame; the second one may have been on its way.
+    # The sender was frozen when it counted the first frame; the second one may have been on its way.
     assert sent["in"] == FRAMES == sent["out"] + sent["lost"]["store"] and sent["out"] in (2, 3)
     assert shown["in"] == shown["out"] == sent["out"]
     assert printed(lines) == [0, 1][:sent["out"] - 1] + [FRAMES - 1]
 
 
 def test_a_store_that_hangs(stream: Stream, clip: pathlib.Path) -> None:
-    """It hangs at the first picture: ddxdecode continues, counts the pictures that could not be stored, and then shows
-    the rest."""
+    """The store hangs at the first picture: ddxdecode continues, counts the pictures that could not be stored, and then
+    shows the rest."""
     decode, sender = stream.decode(), stream.send(*TO_RELAY)
     loader = stream.desk.start("ddxvideoload", clip, "-loop", "-readers", "1")
     wait_until(lambda: stream.desk.out("ddxvideosend") > 2)

@@ -167,7 +167,7 @@ def test_the_newest_of_a_backlog_is_on_the_screen(stream: Stream, robot: Robot) 
 
 
 def test_a_packet_that_is_not_restored_is_given_up(stream: Stream, robot: Robot) -> None:
-    """Nothing is shown until the picture is whole again, which ddxdecode requests."""
+    """No picture is shown until it is whole again, which ddxdecode requests."""
     decode = stream.decode("-group", "none")
     robot.add(encode(H264, WINDOW + 5, "64x48")[1:])  # no key frame
     robot.send_frames(0, 4)

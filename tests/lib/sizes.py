@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-2.0-or-later
-"""What takes the bytes of an image and the memory of its machine."""
+"""Sizes of the files of an image, and uses of its machine's memory."""
 import json
 import pathlib
 import zlib

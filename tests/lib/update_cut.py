@@ -78,8 +78,8 @@ class Cuts:
                    f"write {number} at {entry.offset}: its first {size} bytes")
 
     def cuts(self) -> Iterator[tuple[Writes, str]]:
-        """What was written of that which no flush covered, and how it came about. For state(), and for the disk's
-        make(), until the next one is taken."""
+        """The writes that a cut may leave of those that no flush covered, with a description. For state(), and for the
+        disk's make(), until the next one is taken."""
         for number, entry in enumerate(self.entries):
             if entry.data and self._is_sensitive(entry.offset):
                 yield from self._pieces(number, entry)
@@ -106,7 +106,7 @@ def booted(state: State, menu: Menu, lost: bool = False) -> tuple[str, str]:
 
 
 def wrong(state: State, menu: Menu, whole: list[bytes], firm: bool) -> Iterator[str]:
-    """What such a disk would do that it must not. `whole`: contents of a slot that may be booted. `firm`: the chosen
+    """The wrong actions of such a disk. `whole`: contents of a slot that may be booted. `firm`: the chosen
     slot is whole itself; otherwise GRUB may find no kernel there, and boot the other slot."""
     good = {name: any(slot.startswith(one) for one in whole) for name, slot in state.slots.items()}
     for name, slot in state.slots.items():

@@ -1,5 +1,5 @@
 /* SPDX-License-Identifier: GPL-2.0-or-later */
-/* Which item is logged, and how often. tests/host/test_log.py checks wrong files. */
+/* The items that are logged, and how often. tests/host/test_log.py checks wrong files. */
 #include "check.h"
 #include "config.h"
 

@@ -243,7 +243,7 @@ static void test_a_change_goes_on_without_its_visitor(void) {
     CHECK(strstr(end(&root), "done: exit status 0\n"));
 }
 
-/* What a program reports must not be in the middle of a recording. */
+/* A program's message must not be in the middle of a recording. */
 static void test_bytes_are_those_of_standard_output(void) {
     struct root root = begin(PASSPHRASE, find);
     char text[64];

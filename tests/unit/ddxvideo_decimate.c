@@ -1,5 +1,5 @@
 /* SPDX-License-Identifier: GPL-2.0-or-later */
-/* Which frames are recorded with a rate or a skip: evenly, exactly, and the same ones for each caller. */
+/* The frames that are recorded with a rate or a skip: evenly, exactly, and the same ones for each caller. */
 #include <errno.h>
 #include <stdbool.h>
 

@@ -1,5 +1,5 @@
 /* SPDX-License-Identifier: GPL-2.0-or-later */
-/* Which datagrams receivers with and without a key accept, and the messages about the others. */
+/* The datagrams that receivers with and without a key accept, and the messages about the others. */
 #include "guard.h"
 
 #include "ddxvideo_secure.h"

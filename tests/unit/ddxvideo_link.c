@@ -1,5 +1,5 @@
 /* SPDX-License-Identifier: GPL-2.0-or-later */
-/* What ddxdecode says about the link. */
+/* The line of ddxdecode about the link. */
 #include "link.h"
 
 #include <string.h>

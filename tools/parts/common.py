@@ -74,7 +74,7 @@ def run(command: Command, cwd: pathlib.Path | None = None, env: dict[str, str] |
 
 
 def output(command: Command, env: dict[str, str] | None = None) -> str:
-    """What a command prints, in English; neither its exit status nor its errors matter."""
+    """The output of a command, in English; neither its exit status nor its errors matter."""
     return subprocess.run(command, env={**os.environ, **SBIN, "LC_ALL": "C", **(env or {})}, text=True, check=False,
                           stdin=subprocess.DEVNULL, capture_output=True, errors="replace").stdout
 
@@ -138,7 +138,7 @@ def command_line(about: str | None, **defaults: Any) -> argparse.Namespace:
 
 
 def packages_of(program: str) -> str:
-    """What to do about a program that is not installed."""
+    """The advice for a program that is not installed."""
     known = dict(line.split() for line in entries(PROGRAMS))
     name = pathlib.Path(program).name
     where = f"apt install {known[name]}" if name in known else "no Debian package of it is known here"

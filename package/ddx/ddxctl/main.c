@@ -148,7 +148,7 @@ static const uint64_t *number_of(const DDX_STORE_ITEM *item, const struct ddx_fr
     return (const uint64_t *)((const char *)frame->data + field->offset);
 }
 
-/* What a stream and its link do now. */
+/* The present rates and losses of a stream and its link. */
 static void print_rates(DDX_STORE_ITEM *packets, bool json) {
     struct ddx_frame frame;
 

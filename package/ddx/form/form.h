@@ -53,7 +53,7 @@ int form_of_item(DDX_STORE_ITEM *item, struct form **form);
  */
 int form_of_text(const char *type, const char *declaration, const char *extents, struct form **form);
 
-/* What form_of_text() would make; `bytes`: the memory of its leaves and spans, about. */
+/* The size of the form that form_of_text() would make; `bytes`: the memory of its leaves and spans, about. */
 struct form_measures {
     unsigned leaves;
     size_t message_size, bytes;

@@ -162,8 +162,8 @@ int ddx_store_read_direct(DDX_STORE_ITEM *item, DDX_TIME *ts, double timeout, in
 /* ---- Beyond the paper ---- */
 
 /*
- * Which write a read waits for. "Seen" means: delivered to this handle, or written before its first read. Numbers above
- * 1: the n-th next write.
+ * The write that a read waits for. "Seen" means: delivered to this handle, or written before its first read. Numbers
+ * above 1: the n-th next write.
  */
 enum ddx_tail {
     DDX_CURRENT = 0,  /* the newest value, now; waits only if no value was ever written */
@@ -186,7 +186,7 @@ struct ddx_extent {
     size_t bytes;      /* bytes used, from the start of the field; 0: none, if another field is used */
 };
 
-/* What ddx_store_create() makes. */
+/* The item that ddx_store_create() makes. */
 struct ddx_item_spec {
     const char *name;        /* of the item */
     const char *type;        /* of the type: 1 to DDX_NAME_MAX bytes */

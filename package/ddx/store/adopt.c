@@ -163,7 +163,7 @@ static int adopt_writer(struct item *item, struct client *client, bool current) 
     client->offered_notice_fd = -1;
     if (result)
         return result;
-    /* It may have received messages of the former store, which died before it changed the notice. */
+    /* The writer may have received messages of the former store, which died before it changed the notice. */
     if ((int32_t)(client->offered_seen - item->announced) > 0)
         item->announced = item->taken = client->offered_seen;
     item->writer = client;

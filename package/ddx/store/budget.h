@@ -1,6 +1,6 @@
 /* SPDX-License-Identifier: GPL-2.0-or-later */
 /*
- * What programs may take: the share of each process, and the budget: reservations never exceed -m. An item reserves its
+ * Limits of the programs: the share of each process, and the budget: reservations never exceed -m. An item reserves its
  * memory twice, since after a change of writer the new writer needs files of its own while readers still use the old
  * ones.
  */

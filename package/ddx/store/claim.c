@@ -279,7 +279,7 @@ void writer_left(struct client *client) {
     log_line("%s: its writer %d has left; the last frame remains", item->name, (int)client->pid);
     item->writer = NULL;
     item->away = !item->pending;
-    /* It may have died between W7 and the wake-up: then readers sleep although a frame is there. */
+    /* The writer may have died between W7 and the wake-up: then readers sleep although a frame is there. */
     if (item->epoch)
         ddx_futex_wake(&item->epoch->control->latest);
     epoch_retire(item, item->pending);

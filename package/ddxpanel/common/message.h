@@ -1,6 +1,6 @@
 /* SPDX-License-Identifier: GPL-2.0-or-later */
 /*
- * What the panel's two processes send each other over a pair of sockets (SOCK_SEQPACKET) from before the fork. The
+ * Messages of the panel's two processes over a pair of sockets (SOCK_SEQPACKET) from before the fork. The
  * process of root believes nothing that it receives.
  */
 #ifndef DDXPANEL_MESSAGE_H

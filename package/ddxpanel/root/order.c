@@ -73,7 +73,7 @@ static bool is_sender(const char *word) {
     return is_service(word) && !strncmp(word, program, strlen(program));
 }
 
-/* What a stream is and where it goes; neither files nor the order in which the machine runs its programs. */
+/* Settings of a stream's content and destination; not those of files and of the program's priority. */
 static bool is_setting(const char *word) {
     static const char *const keys[] = {"name", "group", "to", "port", "ts", "wire"};
     static const char letters[] = "abcdefghijklmnopqrstuvwxyzABCDEFGHIJKLMNOPQRSTUVWXYZ0123456789_.:,[]-";

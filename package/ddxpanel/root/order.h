@@ -1,7 +1,7 @@
 /* SPDX-License-Identifier: GPL-2.0-or-later */
 /*
- * What visitors can order: each order is one program of the image with fixed words and some of the visitor's, which are
- * checked here. The process of root runs these and nothing else, whatever the web process sends.
+ * The orders of visitors: each is one program of the image with fixed words and some of the visitor's, which are
+ * checked here. The process of root runs these and no other command, whatever the web process sends.
  */
 #ifndef DDXPANEL_ORDER_H
 #define DDXPANEL_ORDER_H

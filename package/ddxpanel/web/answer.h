@@ -1,5 +1,5 @@
 /* SPDX-License-Identifier: GPL-2.0-or-later */
-/* What the web process answers to a request: logins and orders by way of the process of root. */
+/* The web process's answer to a request: logins and orders by way of the process of root. */
 #ifndef DDXPANEL_ANSWER_H
 #define DDXPANEL_ANSWER_H
 

@@ -1,5 +1,5 @@
 /* SPDX-License-Identifier: GPL-2.0-or-later */
-/* What a request must have before its words are looked at; and sessions of visitors that have logged in. */
+/* The checks of a request before its words are looked at, and the sessions of visitors that have logged in. */
 #ifndef DDXPANEL_GUARD_H
 #define DDXPANEL_GUARD_H
 

@@ -14,7 +14,7 @@
 #define WATCH_IDLE 5000   /* ms without a request, then the process is stopped */
 #define WATCH_HANGS 10000 /* ms without an answer, then it is stopped */
 
-/* A picture that all who wait for it get. */
+/* A picture for all visitors that wait for it. */
 struct picture {
     unsigned holders; /* freed with the last one */
     struct picture_said said;

@@ -320,8 +320,8 @@ static int sign_of_life(int root) {
 
 #define WAITS (1 + 2 * VISITS + WATCHES)
 
-/* What the process waits for: the listener, each visitor and the output of each order, each item's process. Returns
- * when it must go on, at the latest. */
+/* List the descriptors to wait for: of the listener, of each visitor and the output of each order, of each item's
+ * process. Return the time at which the process must go on at the latest. */
 static int64_t prepare(struct pollfd wait[WAITS], const struct visit *visits, const struct watch *watches, int listener,
                        int64_t until) {
     wait[0] = (struct pollfd){.fd = -1, .events = POLLIN};

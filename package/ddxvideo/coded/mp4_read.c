@@ -121,7 +121,7 @@ int mp4_open(struct mp4_file *file, int fd) {
     return file->end && file->end < MP4_BLOCK ? -EBADMSG : 0;
 }
 
-/* What is at the place of the next frame, if not a whole one. */
+/* Why there is no whole frame at the next frame's place. */
 static enum mp4_next no_frame(const struct mp4_file *file, const uint8_t *from, size_t got) {
     if (file->end)
         return file->at == file->end ? MP4_END : file->at >= file->size ? MP4_CUT : MP4_DAMAGED;

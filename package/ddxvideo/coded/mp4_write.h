@@ -68,7 +68,7 @@ static inline size_t mp4_table_room(uint32_t count) {
 /* Where these frames end, and the table begins. */
 uint64_t mp4_end(const struct mp4_entry *entries, uint32_t count);
 
-/* What the 16 bytes become; `end`: where the table begins. */
+/* The final content of the 16 bytes; `end`: where the table begins. */
 void mp4_write_cover(uint8_t to[MP4_COVER], uint64_t end);
 
 /*

@@ -12,7 +12,7 @@
 #include <stdbool.h>
 #include <stdint.h>
 
-/* Which screen to use, and its mode. */
+/* The screen to use, and its mode. */
 struct screen_choice {
     const char *output; /* a connector's name, such as "HDMI-A-1"; NULL: the first with a monitor */
     int width, height;  /* of the mode, pixels; 0: the mode that the monitor prefers */

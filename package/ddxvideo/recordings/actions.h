@@ -1,5 +1,5 @@
 /* SPDX-License-Identifier: GPL-2.0-or-later */
-/* What the program does with the files that were chosen. Each prints its errors, and returns the exit status. */
+/* The program's actions on the files that were chosen. Each prints its errors, and returns the exit status. */
 #ifndef DDXVIDEO_ACTIONS_H
 #define DDXVIDEO_ACTIONS_H
 

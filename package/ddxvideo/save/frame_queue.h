@@ -75,7 +75,7 @@ bool frame_queue_put(struct frame_queue *queue, const struct iovec *pieces, int 
 /* The last frame ends its file. False if there is no room for the rest of the block, or for one more cut. */
 bool frame_queue_cut(struct frame_queue *queue);
 
-/* Nothing more will be put. */
+/* The caller will put no more frames. */
 void frame_queue_close(struct frame_queue *queue);
 
 /* ---- The thread that takes ---- */

@@ -89,7 +89,7 @@ def views(clips: list[pathlib.Path], top: str) -> Iterator[tuple[Grey, Grey]]:
 
 
 def corners_of(picture: Grey, board: tuple[int, int]) -> Any:
-    """Those of the board, or None."""
+    """The corners of the board, or None."""
     found, corners = cv2.findChessboardCorners(picture, board, flags=cv2.CALIB_CB_ADAPTIVE_THRESH
                                                | cv2.CALIB_CB_NORMALIZE_IMAGE | cv2.CALIB_CB_FAST_CHECK)
     if not found:

@@ -31,7 +31,7 @@ size_t sdp_write(const struct sdp *sdp, char *text);
  * parameters). */
 int sdp_save(const struct sdp *sdp, const char *path);
 
-/* What an announced description, which is not trusted, says of its first video stream. */
+/* The first video stream of an announced description, which is not trusted. */
 struct sdp_stream {
     char name[64];  /* of the session; printable ASCII, other characters became '?' */
     char codec[16]; /* such as H264; printable ASCII */

@@ -1,2 +1,2 @@
 # SPDX-License-Identifier: GPL-2.0-or-later
-"""What the development image is made of: Debian's kernel and sources, our programs, the root file system."""
+"""Parts of the development image: Debian's kernel and sources, our programs, the root file system."""

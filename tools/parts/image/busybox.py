@@ -19,7 +19,7 @@ APPLET = re.compile(r"^//applet:IF_(\w+)\(\s*(?:IF_\w+\(\s*)*APPLET\w*\(\s*([^\s
 
 
 def applets() -> list[str]:
-    """What the manifest lists."""
+    """The applets in the manifest."""
     lines = (line.split() for line in entries(MANIFEST))
     return [name for kind, *names in lines if kind == "applet" for name in names]
 

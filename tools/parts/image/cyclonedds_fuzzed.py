@@ -13,8 +13,8 @@ from parts.image import cyclonedds, foreign
 # build it allow all three.
 FLAGS = ["-gline-tables-only", "-O1", "-fsanitize=fuzzer-no-link,address,undefined",
          "-fno-sanitize=alignment,function,nonnull-attribute", "-fno-sanitize-recover=all"]
-# What packets of the target do not reach is compiled quickly, without sanitizers: most of the interface for programs,
-# and transports and settings that it does not have.
+# Code that packets of the target do not reach is compiled quickly, without sanitizers: most of the interface for
+# programs, and transports and settings that it does not have.
 REACHED = ("builtin", "read", "reader", "rhc", "rhc_default", "serdata_builtintopic", "serdata_default",
            "sertype_default", "whc")
 OTHERS = ("config", "debmon", "eth", "nwinterfaces", "pcap", "portmapping", "raweth", "tcp", "threadmon", "vnet")

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-2.0-or-later
-"""What others wrote, made ready for the development image or the tests: once on this machine, for all clones.
+"""Software of others, made ready for the development image or the tests: once on this machine, for all clones.
 
 It is in ~/.cache/ddxvideo/built, under names that change with all that it is made of: versions of the sources, our
 choice of parts, the compiler. It may be deleted at any time.

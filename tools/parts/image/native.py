@@ -53,8 +53,8 @@ def for_run() -> pathlib.Path:
 
 
 def for_desktop() -> pathlib.Path:
-    """What the packages of `make desktop` are built with: the libraries of others, and a ddx that does not depend on
-    the prefix. In a clone where the programs were built for tests, those have both."""
+    """The folder with which the packages of `make desktop` are built: the libraries of others, and a ddx that does not
+    depend on the prefix. In a clone where the programs were built for tests, those have both."""
     if (OUTPUT / "desk/root/.ddxvideo").exists():
         return build()
     return build("desktop/desk", chosen=["ddx"], libraries_of=PACKAGES, tests=False)

@@ -25,7 +25,7 @@ def peers() -> pathlib.Path:
 
 
 GENERATE = pathlib.Path(__file__).with_name("ros_generate.py")
-# What a package's library takes of ROS.
+# Libraries of ROS that a package's library is linked with.
 LIBRARIES = ["std_msgs__rosidl_generator_c", "std_msgs__rosidl_generator_py", "std_msgs__rosidl_typesupport_c",
              "std_msgs__rosidl_typesupport_fastrtps_c", "std_msgs__rosidl_typesupport_introspection_c",
              "builtin_interfaces__rosidl_generator_c", "rosidl_runtime_c", "rosidl_typesupport_c",

@@ -16,7 +16,7 @@ def module(name: str) -> Any:
 
 def main() -> None:
     folder = pathlib.Path(sys.argv[1])
-    # What converts messages imports it to look for services' packages.
+    # The converter of messages imports it to look for services' packages.
     package: Any = types.ModuleType("catkin_pkg.package")
     package.package_exists_at = package.parse_package = None
     sys.modules |= {"catkin_pkg": types.ModuleType("catkin_pkg"), "catkin_pkg.package": package}

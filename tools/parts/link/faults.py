@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-2.0-or-later
-"""What a bad link does to packets: it drops, delays, damages, reorders or doubles them, and adds packets of others.
+"""Faults of a bad link: it drops, delays, damages, reorders or doubles packets, and adds packets of others.
 
 Each fault has a judge of loss.py. A packet suffers at most one fault: the judges are asked in the order of FAULTS,
 until one agrees. Those of ADDED are asked after each packet.

@@ -1,2 +1,2 @@
 # SPDX-License-Identifier: GPL-2.0-or-later
-"""What is in an image, and how large it may be."""
+"""The contents of an image, and limits of their size."""

@@ -106,7 +106,7 @@ def can_fail(item: Item) -> bool:
 
 
 def result_of(item: Item) -> str:
-    """What the calls of an item return: the sentences about it, or the first sentence where it names the result, else
+    """The results of an item's calls: the sentences about them, or the first sentence where it names the result, else
     the rule of ddx.h for all calls."""
     if not kinds(item) or not item.comment:
         return ""

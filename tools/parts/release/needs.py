@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-2.0-or-later
-"""Which Debian packages a target of the Makefile needs, and which it installs.
+"""The Debian packages that a target of the Makefile needs, and those that it installs.
 
 A tool needs the programs that it starts and the Python modules that it imports, in all modules that it reaches by
 imports. A word of tools/programs.txt counts as a started program if it is the first one of a list or tuple (after
@@ -58,7 +58,7 @@ def calls(makefile: str) -> list[str]:
 
 
 def targets() -> list[Target]:
-    """What each target would install and start, by make's own dry run."""
+    """The packages and programs that each target would install and start, by make's own dry run."""
     found = []
     for words in calls((TOP / "Makefile").read_text()):
         lines = subprocess.run(["make", "-n", *words.split()], cwd=TOP, capture_output=True, text=True, check=True,
@@ -251,7 +251,7 @@ def package_of(module: str) -> str:
 
 
 def complaints(have: dict[str, set[str]]) -> Iterator[str]:
-    """What is wrong with a package list, and with programs.txt, for the targets of the Makefile."""
+    """Errors in a package list, and in programs.txt, for the targets of the Makefile."""
     there, programs = installed(), known()
     for program, package in sorted(programs.items()):
         if (found := owners(programs)[program]) and found not in there.closure([package]):

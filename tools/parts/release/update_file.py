@@ -18,7 +18,7 @@ MEMBERS = ("manifest", "manifest.minisig", "root")  # in this order
 
 @dataclasses.dataclass(frozen=True)
 class Release:
-    """What an image says about itself."""
+    """The fields of an image's os-release."""
     board: str
     layout: str
     version: str
@@ -75,7 +75,7 @@ def make(what: Release, root: bytes, key: pathlib.Path) -> bytes:
 
 
 def read(file: pathlib.Path) -> Release:
-    """What an update file contains, by its manifest. Its signature is checked on the machine."""
+    """The contents of an update file, by its manifest. Its signature is checked on the machine."""
     try:
         with tarfile.open(file, "r:") as tar:
             member = tar.extractfile(MEMBERS[0])

@@ -1,5 +1,5 @@
 /* SPDX-License-Identifier: GPL-2.0-or-later */
-/* What the link does, for the operator: rates of the last second, and how long the picture stood still in the last
+/* The link's figures for the operator: rates of the last second, and how long the picture stood still in the last
  * minute. No clock: time is a parameter (CLOCK_MONOTONIC, ns). */
 #ifndef DDXVIDEO_LINK_H
 #define DDXVIDEO_LINK_H

@@ -28,7 +28,7 @@ static void fail(struct viewer *viewer, const char *what, const char *why) {
 
 /* ---- Frames ---- */
 
-/* What the link does now. */
+/* The link's present figures. */
 static uint64_t *measure_link(struct viewer *viewer) {
     uint64_t *figures = viewer->packets + STREAM_RX_COUNTS + GUARD_COUNTS + VIEWER_REPORT_COUNTS;
 

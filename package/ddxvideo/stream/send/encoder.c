@@ -216,7 +216,7 @@ static int encode_mpeg4_picture(struct encode_mpeg4 *encoder, const struct ddxvi
     AVCodecContext *context = encoder->context;
     AVFrame *frame = encoder->frame;
 
-    /* What empties the encoder's buffer may change at any time; bit_rate itself may not. */
+    /* The rate at which the encoder's buffer empties may change at any time; bit_rate itself may not. */
     context->rc_max_rate =
         wanted ? (int64_t)wanted * 8 * context->framerate.num / context->framerate.den : context->bit_rate;
     frame->format = context->pix_fmt;

@@ -22,7 +22,7 @@ bool ts_is_possible(void) {
     return av_guess_format("mpegts", NULL, NULL);
 }
 
-/* What the muxer has written, at most PAYLOAD bytes: an RTP packet. */
+/* Send the bytes that the muxer has written, at most PAYLOAD, as an RTP packet. */
 static int send_packet(void *opaque, BYTES *data, int size) {
     struct ts *ts = opaque;
     const struct rtp_packet head = {.type = RTP_TS, .sequence = ts->sequence++, .time = ts->time, .ssrc = ts->ssrc};

@@ -108,7 +108,7 @@ static int update_phy_reg(struct fw_card *card, int address, int clear_bits, int
     return 0;
 }
 
-/* Nothing to cancel: every packet was sent when send_request() returned. */
+/* No packet is left to cancel: each was sent when send_request() returned. */
 static int cancel_packet(struct fw_card *card, struct fw_packet *packet) {
     return -ENOENT;
 }
