@@ -116,7 +116,8 @@ class Bench:
             return
         self.rows.append(row)
         say(f"{case}: usable {row['usable']} %, whole {row['whole']} %, shown {row['shown']} %, {row['screen_db']} dB, "
-            f"{row['wire_kbit']} kbit/s, p50 {row['p50_ms']} ms, p99 {row['p99_ms']} ms")
+            f"{row['wire_kbit']} kbit/s, p50 {row['p50_ms']} ms, p99 {row['p99_ms']} ms, longest "
+            f"{row['longest_ms']} ms")
         self._keep_screen(found)
 
     def _take(self, case: Case) -> Take:

@@ -106,7 +106,14 @@ def figures(view: View, clean: dict[int, float], frames: list[int]) -> dict[str,
             "whole": 100 * sum(delay is not None for delay in good.values()) / len(frames),
             "shown": 100 * len(shown) / len(frames), "screen_db": mean(screen),
             "frame_db": mean([view.best()[number] for number in shown]), "p50_ms": percentile(delays, 50),
-            "p99_ms": percentile(delays, 99)}
+            "p99_ms": percentile(delays, 99), "longest_ms": longest(view, frames)}
+
+
+def longest(view: View, frames: list[int]) -> float:
+    """The longest time between two new pictures on the screen, of any quality, in ms; the time between two frames is a
+    part of it."""
+    first = sorted(view.shown.times[view.copies[number][0]] for number in frames if number in view.copies)
+    return max((after - before for before, after in zip(first, first[1:])), default=math.nan) / MS
 
 
 def usable_at(view: View, clean: dict[int, float], time: int) -> float | None:

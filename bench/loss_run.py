@@ -132,7 +132,7 @@ def _take(case: Case, peer: Peer, link: Link, clip: pathlib.Path, plan: Plan) ->
 
 
 def judge(found: Take, clean: dict[int, float]) -> dict[str, Any]:
-    """The figures of a run: the mean of all operators, and the usable frames of the worst one."""
+    """The figures of a run: the mean of all operators, and usable frames and longest time of the worst one."""
     frames = found.frames()
     if not frames:
         raise Failed("the robot wrote no frame while the link was measured; is this machine too busy?")
@@ -142,6 +142,7 @@ def judge(found: Take, clean: dict[int, float]) -> dict[str, Any]:
                            "pause_ms": found.pause_ms()}
     row |= {key: mean([one[key] for one in each]) for key in each[0]}
     row["usable_worst"] = min(one["usable"] for one in each)
+    row["longest_ms"] = max(one["longest_ms"] for one in each)
     if found.case.join:
         row["join_s"] = usable_at(found.views[0], clean, found.joined)
     return {key: rounded(value) for key, value in {**row, **found.wire}.items()}
