@@ -50,6 +50,12 @@ def with_inferred(numbers: Sequence[int | None]) -> list[int | None]:
     return found
 
 
+def longest_pause(times: list[int]) -> float:
+    """The longest time between two of these times, in ms."""
+    ordered = sorted(times)
+    return max((after - before for before, after in zip(ordered, ordered[1:])), default=math.nan) / MS
+
+
 @dataclasses.dataclass
 class View:
     """The clip on one operator's screen."""
@@ -95,7 +101,8 @@ class View:
 
 
 def figures(view: View, clean: dict[int, float], frames: list[int]) -> dict[str, float]:
-    """`clean`: best() of the run without loss. A frame that the run lacks must be as good as its mean."""
+    """`clean`: best() of the run without loss. A frame that the run lacks must be as good as its mean. `longest_ms`:
+    between two new pictures on the screen, of any quality; the time between two frames is a part of it."""
     usual = mean(list(clean.values()))
     good = {number: view.first_good(number, clean.get(number, usual) - WORSE) for number in frames}
     usable = [number for number, delay in good.items() if delay is not None and delay <= view.deadline_ms]
@@ -106,14 +113,8 @@ def figures(view: View, clean: dict[int, float], frames: list[int]) -> dict[str,
             "whole": 100 * sum(delay is not None for delay in good.values()) / len(frames),
             "shown": 100 * len(shown) / len(frames), "screen_db": mean(screen),
             "frame_db": mean([view.best()[number] for number in shown]), "p50_ms": percentile(delays, 50),
-            "p99_ms": percentile(delays, 99), "longest_ms": longest(view, frames)}
-
-
-def longest(view: View, frames: list[int]) -> float:
-    """The longest time between two new pictures on the screen, of any quality, in ms; the time between two frames is a
-    part of it."""
-    first = sorted(view.shown.times[view.copies[number][0]] for number in frames if number in view.copies)
-    return max((after - before for before, after in zip(first, first[1:])), default=math.nan) / MS
+            "p99_ms": percentile(delays, 99),
+            "longest_ms": longest_pause([view.shown.times[view.copies[number][0]] for number in shown])}
 
 
 def usable_at(view: View, clean: dict[int, float], time: int) -> float | None:

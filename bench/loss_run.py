@@ -10,7 +10,7 @@ from collections.abc import Callable
 from typing import Any
 
 from bench.clips import pictures
-from bench.loss_figures import View, figures, mean, usable_at
+from bench.loss_figures import View, figures, longest_pause, mean, usable_at
 from bench.loss_peers import Peer
 from parts.common import Failed, scratch
 from parts.link.link import Link, Way
@@ -79,8 +79,7 @@ class Take:
     def pause_ms(self) -> float:
         """The longest time between two of the robot's measured frames. Before them a peer may wait for its connection,
         which takes SRT most of a second where packets are lost."""
-        times = sorted(written for written in self.views[0].written.values() if written >= self.settled)
-        return max((after - before for before, after in zip(times, times[1:])), default=0) / 1e6
+        return longest_pause([written for written in self.views[0].written.values() if written >= self.settled])
 
     def disturbed(self) -> bool:
         """Whether the machine was too busy: frames of the robot or packets of the relay were late, or none came."""

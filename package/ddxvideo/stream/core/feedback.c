@@ -131,7 +131,7 @@ static void begin_reporter(struct feedback *feedback, struct feedback_reporter *
 }
 
 /* Notes whether the reporter has losses, and grants it fewer probes if it is one of several. */
-static void note_loss(struct feedback *feedback, struct feedback_reporter *reporter, int64_t now) {
+static void note_report(struct feedback *feedback, struct feedback_reporter *reporter, int64_t now) {
     if (reporter->deficit.needed || reporter->deficit.loss > 0)
         reporter->lossy = now;
     if (reporter->deficit.probes > tuning.probes_many && !feedback_single(feedback, now))
@@ -153,7 +153,7 @@ static enum feedback_count first_report(struct feedback *feedback, int64_t now, 
         return error ? outcome_of(error) : FEEDBACK_FLOOD;
     begin_reporter(feedback, room, report, address, now);
     room->deficit = deficit;
-    note_loss(feedback, room, now);
+    note_report(feedback, room, now);
     return FEEDBACK_USED;
 }
 
@@ -167,7 +167,7 @@ static enum feedback_count use_report(struct feedback *feedback, int64_t now, co
         return FEEDBACK_FLOOD;
     int error = deficit_report(&reporter->deficit, &feedback->sent, &feedback->repairs, now, report);
     if (!error)
-        note_loss(feedback, reporter, now);
+        note_report(feedback, reporter, now);
     return outcome_of(error);
 }
 
