@@ -2,7 +2,7 @@
 # SPDX-License-Identifier: GPL-2.0-or-later
 """make defects: apply each patch of tests/defects; its tests must fail with the expected message.
 
-defects.py [WORDS]...   only patches whose first line has all the words. The result is output/defects.json.
+defects.py [WORDS]...   only patches whose name or first line has all the words. The result is output/defects.json.
 A defect with a switch is compiled into test programs in output/desk. Each other patch is applied to a copy of the tree,
 output/defects, where the product is built and tested.
 """
@@ -96,7 +96,8 @@ def put_back(defect: Defect) -> list[str]:
 
 
 def main() -> int:
-    chosen = [one for one in DEFECTS if one.tests and all(word.lower() in one.title.lower() for word in sys.argv[1:])]
+    chosen = [one for one in DEFECTS if one.tests and
+              all(word.lower() in f"{one.name} {one.title}".lower() for word in sys.argv[1:])]
     if not chosen:
         raise Failed("no defect of that name")
     with alone("defects", OUTPUT / "defects.lock"):
