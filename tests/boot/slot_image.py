@@ -5,10 +5,13 @@ import re
 import shutil
 from collections.abc import Callable
 
+import pytest
+
 import build
 from parts.common import PATIENCE, run, scratch, wait_until
 from parts.guest.qemu import Guest
 from parts.image import rootfs
+from parts.release import update_file
 
 VERSION = "9.9.9 (new)"
 # A trial of seconds: an emulated machine boots slowly, but nothing is judged by its speed.
@@ -35,6 +38,27 @@ def make(root: pathlib.Path, image: pathlib.Path, change: Change = lambda folder
         shutil.copy(build.DEV / "boot-files.actions", folder)  # the list is the same for all boards
         rootfs.pack(copy, image)
     return image
+
+
+def skip_unless_updates(root: pathlib.Path) -> None:
+    """The image has to accept updates that the tests sign."""
+    public = build.UPDATE_KEY.with_name(f"{build.UPDATE_KEY.name}.pub")
+    trusted = [path.read_bytes() for path in (root / "etc/ddx/update-keys").glob("*")]
+    if not public.exists() or public.read_bytes() not in trusted:
+        pytest.skip(f"the image does not accept updates of {public}; build it with UPDATE_KEYS={public}")
+
+
+def sign(squashfs: pathlib.Path, file: pathlib.Path) -> pathlib.Path:
+    """An update file with this root file system."""
+    file.write_bytes(update_file.make(update_file.release(squashfs), squashfs.read_bytes(), build.UPDATE_KEY))
+    return file
+
+
+def update(root: pathlib.Path, folder: pathlib.Path) -> tuple[pathlib.Path, pathlib.Path]:
+    """A new root file system, and the update file with it."""
+    skip_unless_updates(root)
+    new = make(root, folder / "new.squashfs")
+    return new, sign(new, folder / "new.update")
 
 
 def script(path: pathlib.Path, text: str) -> None:

@@ -11,7 +11,6 @@ from collections.abc import Sequence
 
 import pytest
 
-import build
 from lib.figures import Figure, uptime
 from parts.common import MORTAL, PATIENCE, run
 from parts.disk import mbr
@@ -42,15 +41,6 @@ def restarted(guest: Guest, slot: str) -> None:
     guest.wait_until(f"[ \"$(cat /data/update | sed -n 's/^proven=//p')\" = {slot} ]")
     assert guest.environment() == block
     guest.wait_until("ddxctl status ddxvideosave | grep -q state=running")
-
-
-def updated(image: pathlib.Path, root: pathlib.Path, folder: pathlib.Path) -> tuple[pathlib.Path, pathlib.Path]:
-    """A new root file system, and the update file with it."""
-    if image != build.DEV / "disk.img":
-        pytest.skip("the key of this image's updates is not here")
-    new, file = slot_image.make(root, folder / "new.squashfs"), folder / "new.update"
-    file.write_bytes(update_file.make(update_file.release(new), new.read_bytes(), build.UPDATE_KEY))
-    return new, file
 
 
 def slot_a(image: pathlib.Path, folder: pathlib.Path) -> update_file.Release:
@@ -101,7 +91,7 @@ class Laptop:
 @pytest.mark.parametrize("older", [FROM], ids=["older" if FROM else "same"])
 def test_there_and_back(image: pathlib.Path, root: pathlib.Path, board: Machine, accel: str, work: pathlib.Path,
                         tmp_path: pathlib.Path, older: str) -> None:
-    new, file = updated(image, root, tmp_path)
+    new, file = slot_image.update(root, tmp_path)
     flashed, laptop = pathlib.Path(older or image), Laptop(tmp_path)
     here, what = slot_a(flashed, tmp_path), update_file.release(new)
     with Guest(flashed, accel, board, log=work / f"update.{board.firmware}.log", provision=laptop.provision,
@@ -123,10 +113,9 @@ def test_there_and_back(image: pathlib.Path, root: pathlib.Path, board: Machine,
         restarted(guest, "A")
 
 
-def test_a_stick_that_is_pulled_out(boot: Boot, image: pathlib.Path, root: pathlib.Path,
-                                    tmp_path: pathlib.Path) -> None:
+def test_a_stick_that_is_pulled_out(boot: Boot, root: pathlib.Path, tmp_path: pathlib.Path) -> None:
     """The stick is plugged in again, and the update goes on."""
-    new, file = updated(image, root, tmp_path)
+    new, file = slot_image.update(root, tmp_path)
     stick = tmp_path / "stick.img"
     run(["mkfs.vfat", "-C", stick, str(96 << 10)])
     run(["mcopy", "-i", stick, file, "::/robot.update"])
@@ -163,7 +152,7 @@ def test_no_frame_is_lost_on_a_slow_card(image: pathlib.Path, root: pathlib.Path
                                          work: pathlib.Path, clip: pathlib.Path, tmp_path: pathlib.Path,
                                          record_property: Figure) -> None:
     """CIF at 25 Hz is recorded onto the card that takes the update: 20 MB and 100 requests a second at most."""
-    _, file = updated(image, root, tmp_path)
+    _, file = slot_image.update(root, tmp_path)
     disk = testdisk.make(tmp_path / "clip.img", clip, {"ddxvideoload.conf": "loop=\nreaders=1\n", "new.update": file,
                                                        "ddxvideosave.conf": "segment=8\nfull=recycle\n"})
     with Guest(image, accel, board, log=work / f"slow-card.{board.firmware}.log", test_disk=disk, more_memory=64,

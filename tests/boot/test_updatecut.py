@@ -13,7 +13,6 @@ from os import environ
 
 import pytest
 
-import build
 from lib import update_cut
 from lib.boot_block import BYTES, Block, block_of, menu
 from lib.figures import Figure
@@ -25,7 +24,6 @@ from parts.guest import testdisk
 from parts.guest.machine import Machine
 from parts.guest.qemu import USERSPACE, Guest
 from parts.image import native
-from parts.release import update_file
 from parts.testing.campaign import Campaign, Result
 
 from . import slot_image
@@ -63,8 +61,8 @@ def long_trial(root: pathlib.Path) -> None:
 class Recording:
     """A guest's disk before the updates, and all that it wrote to it."""
 
-    def __init__(self, firmware: str) -> None:
-        self.folder = WORK / firmware
+    def __init__(self, name: str) -> None:
+        self.folder = WORK / name
         self.log, self.disk = self.folder / "writes.log", self.folder / "before/disk.qcow2"
         self.roots = {version: self.folder / f"{version.split()[0]}.squashfs" for version in VERSIONS}
 
@@ -79,10 +77,7 @@ class Recording:
         self.make_roots(root)
         updates = {}
         for name, version in (("new", NEW), ("newer", NEWER)):
-            updates[f"{name}.update"] = self.folder / f"{name}.update"
-            squashfs = self.roots[version]
-            updates[f"{name}.update"].write_bytes(
-                update_file.make(update_file.release(squashfs), squashfs.read_bytes(), build.UPDATE_KEY))
+            updates[f"{name}.update"] = slot_image.sign(self.roots[version], self.folder / f"{name}.update")
 
         def fill(disk: Disk) -> None:
             disk.write(SLOT["A"], self.roots[RUNNING].read_bytes())
@@ -204,10 +199,10 @@ def chosen_states(cuts: Cuts, numbers: list[tuple[int, bool]]) -> Iterator[tuple
 
 def test_states_boot_by_grub(image: pathlib.Path, root: pathlib.Path, accel: str, board: Machine,
                              record_property: Figure) -> None:
-    if image != build.DEV / "disk.img":
-        pytest.skip("the key of this image's updates is not here")
-    recording = Recording(board.firmware)
-    steps = Campaign(WORK / f"{board.firmware}.jsonl", [image, native.build()], [recording.folder], states=STATES)
+    slot_image.skip_unless_updates(root)
+    name = f"{board.board}-{board.firmware}"
+    recording = Recording(name)
+    steps = Campaign(WORK / f"{name}.jsonl", [image, native.build()], [recording.folder], states=STATES)
     recording.folder.mkdir(exist_ok=True)
     steps.once("recorded", lambda: recording.take(image, accel, board, root))
     judged = steps.once("judged", lambda: judge(recording, STATES))
