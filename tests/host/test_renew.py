@@ -2,6 +2,7 @@
 """After a change, Buildroot rebuilds exactly the affected parts of an earlier build, and leaves no obsolete files."""
 import json
 import pathlib
+import shutil
 from collections.abc import Callable
 
 import pytest
@@ -18,9 +19,9 @@ BR2_ROOTFS_OVERLAY="/one/overlay"
 BR2_LINUX_KERNEL_CUSTOM_CONFIG_FILE="$(BR2_EXTERNAL_DDXVIDEO_PATH)/../board/common/kernel/base.fragment"
 BR2_LINUX_KERNEL_CONFIG_FRAGMENT_FILES="$(BR2_EXTERNAL_DDXVIDEO_PATH)/../board/miniitx/kernel.fragment"
 """
-ALL = ["busybox-reconfigure", "ddx-reconfigure", "ddxcatalog-reconfigure", "ddxgrow-reconfigure",
+ALL = ["busybox-reconfigure", "cyclonedds-dirclean", "ddx-reconfigure", "ddxcatalog-reconfigure", "ddxgrow-reconfigure",
        "ddxlog-reconfigure", "ddxpanel-reconfigure", "ddxservice-reconfigure", "ddxupdate-reconfigure",
-       "ddxvideo-reconfigure", "ffmpeg-reconfigure", "linux-reconfigure"]
+       "ddxvideo-reconfigure", "ffmpeg-reconfigure", "libdc1394-dirclean", "linux-reconfigure"]
 
 
 @pytest.fixture(autouse=True)
@@ -51,6 +52,21 @@ def test_changes_of_buildroot_and_of_files_rebuild() -> None:
     before = renew.keys(CONFIG, "1", "2")
     assert changed(before, renew.keys(CONFIG, "another commit", "2")) == ["clean", "target"]
     assert changed(before, renew.keys(CONFIG, "1", "another file")) == ["target"]
+
+
+def test_a_patch_rebuilds_its_package_and_ours(monkeypatch: pytest.MonkeyPatch, tmp_path: pathlib.Path) -> None:
+    """Not the compiler, which takes an hour."""
+    before, found = renew.keys(CONFIG, "1", "2"), trees.packages()
+    copy = tmp_path / "libdc1394"
+    shutil.copytree(found["libdc1394"], copy)
+    (copy / "0009-another.patch").write_text("another\n")
+    monkeypatch.setattr(trees, "packages", lambda: {**found, "libdc1394": copy})
+    monkeypatch.setattr(trees, "foreign", dict)
+    after = renew.keys(CONFIG, "1", "3")
+    assert changed(before, after) == sorted(["libdc1394-dirclean", "target", *(
+        name for name in ALL if name.startswith("ddx"))])
+    names = list(after)
+    assert names.index("libdc1394-dirclean") < names.index("ddxvideo-reconfigure")
 
 
 def test_a_package_s_key_contains_those_of_its_dependencies(tmp_path: pathlib.Path) -> None:

@@ -2,7 +2,8 @@
 """Find out which parts of an earlier build in Buildroot's folder must be built again, from hashes of their sources.
 
 Buildroot itself does not check this. Changes that it cannot build incrementally (toolchain, options of packages) need a
-build from nothing. The target folder is filled again, so that it contains no file that the tree no longer has.
+build from nothing. Packages that our tree downloads and patches are used by packages of the trees only, so that these
+are built again with them. The target folder is filled again, so that it contains no file that the tree no longer has.
 """
 import json
 import pathlib
@@ -35,7 +36,8 @@ def keys(config: str, commit: str, sources: str) -> dict[str, str]:
     options = [line for line in config.splitlines() if line.startswith("BR2_") and not NAMES_FILES.match(line)]
     ffmpeg = [line for line in options if line.startswith(FFMPEG)]
     folders, foreign, local = trees.packages(), trees.foreign(), trees.local_packages()
-    other = [folder for name, folder in folders.items() if name not in local]
+    patched = {name: folder for name, folder in folders.items() if name not in local and name not in foreign}
+    other = [folder for name, folder in foreign.items() if name not in local]
     # An image has all our packages; the board's configuration may leave out packages of other trees.
     made = [name for name in local
             if name not in foreign or f"BR2_PACKAGE_{name.upper().replace('-', '_')}=y" in options]
@@ -44,7 +46,9 @@ def keys(config: str, commit: str, sources: str) -> dict[str, str]:
     whole = [*makefiles, *other, *patches]
     return {CLEAN: fingerprint(whole, commit, *(line for line in options if line not in ffmpeg)),
             TARGET: fingerprint([], commit, sources, *options),
-            **{f"{name}-reconfigure": fingerprint([folders[one] for one in local[name]]) for name in made},
+            **{f"{name}-dirclean": fingerprint([folder]) for name, folder in patched.items()},
+            **{f"{name}-reconfigure": fingerprint([*(folders[one] for one in local[name]), *patched.values()])
+               for name in made},
             "ffmpeg-reconfigure": fingerprint([], *ffmpeg),
             "busybox-reconfigure": fingerprint([TOP / name for name in BUSYBOX]),
             "linux-reconfigure": fingerprint(_kernel_files(config))}
