@@ -13,13 +13,15 @@ from collections.abc import Iterator
 import pytest
 
 from lib import mdns
+from lib.figures import Figure
 from parts.common import PATIENCE, Failed, run, wait_until
 from parts.guest.laptop import forward, free_port
-from parts.guest.panel import PASSPHRASE, Phone
+from parts.guest.panel import PASSPHRASE, Phone, Visitor
 from parts.guest.qemu import Boot, Guest
 
 from .networked import Robot
 from .outsider import IP4, IPV4, UDP, Outsider, ethernet, ip
+from .test_budget import COUNTED
 from .test_ports import outsider as outsider  # a fixture
 
 pytestmark = [pytest.mark.retry, pytest.mark.long]
@@ -28,6 +30,7 @@ NAME, GIVEN, SECOND = "robot1", "10.0.2.15", "10.0.0.9"
 PROVISION = f'hostname={NAME}\nnetwork=eth0 dhcp\nnetwork=eth1 10.0.0.1/24\npanel="{PASSPHRASE}"\n'
 GROUP_MAC = bytes.fromhex("01005e0000fb")
 GROUP = bytes([224, 0, 0, 251])
+SECONDS, SHARE = 60, 0.05  # of a processor, which the health page may take at most
 LOG = "ddxlog"  # a service that is off until it is switched on
 PARTS = {"lighttpd": ("916", "65534"), "mdnsd": ("917", "65534"), "ddxpanel": ("915", "900")}
 
@@ -126,6 +129,32 @@ def test_a_clock_of_1970(boot: Boot, tmp_path: pathlib.Path) -> None:
         guest.sh("date -u -s '2026-03-01 12:00:00'")
         assert any("ddxstore" in line for line in phone.order("services"))
         guest.poweroff()
+
+
+def busy(guest: Guest) -> float:
+    """Seconds of processor time in SECONDS of the guest's time, of all programs."""
+    command = "cat /proc/uptime"
+    begin, end = (tuple(map(float, guest.sh(one).split())) for one in (command, f"sleep {SECONDS}; {command}"))
+    return (end[0] - begin[0]) - (end[1] - begin[1])
+
+
+def test_what_the_health_page_costs(boot: Boot, tmp_path: pathlib.Path, record_property: Figure) -> None:
+    """In seconds of 500 million instructions. A browser in the host's network has the health page open."""
+    https = free_port()
+    with boot("panel-cost", provision=PROVISION, accel="tcg,thread=single",
+              extra=(*COUNTED, *forward(free_port(), https))) as guest:
+        guest.shell()
+        guest.wait_until("[ -e /run/late.done ] && ddxctl panel && ! pidof slot-came-up")
+        shown = ssl.PEM_cert_to_DER_cert(ssl.get_server_certificate(("127.0.0.1", https)))
+        no_session = busy(guest)
+        with Visitor(None, tmp_path / "browser", shown) as visitor:
+            visitor.open(f"https://127.0.0.1:{https}/")
+            visitor.enters("health")
+            visitor.reads("checked now")
+            page = busy(guest)
+            visitor.reads("checked")
+        record_property("health_page", {f"ms_in_{SECONDS}_s": round((page - no_session) * 1000)})
+        assert page - no_session < SECONDS * SHARE
 
 
 def leave(phone: Phone, word: str) -> None:

@@ -143,13 +143,14 @@ class Phone:
 
 class Visitor(Closing):
     """A browser on a phone; Chromium takes no other certificate than this one. `words`: before the browser's command,
-    instead of those for the machine's own network."""
+    instead of those for the machine's own network. Without a robot the browser runs in the host's network, where a port
+    leads to a guest."""
 
-    def __init__(self, robot: NativeMachine, folder: pathlib.Path, shown: bytes, webkit: bool = False,
+    def __init__(self, robot: NativeMachine | None, folder: pathlib.Path, shown: bytes, webkit: bool = False,
                  words: Sequence[str] = ()) -> None:
         key = shown[shown.index(KEY_BEGIN):][:KEY_SIZE]
         pin = base64.b64encode(hashlib.sha256(key).digest()).decode()
-        place = words or inside(robot)
+        place = words or (inside(robot) if robot else ())
         self.browser: Browser | WebKit = WebKit(place, folder) if webkit else Browser(
             place, folder, f"--ignore-certificate-errors-spki-list={pin}")
 
