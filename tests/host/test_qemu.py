@@ -15,7 +15,7 @@ import pytest
 from parts import common
 from parts.common import PATIENCE, TOP, Failed
 from parts.guest import qemu
-from parts.guest.qmp import Monitor
+from parts.guest.qmp import Monitor, NotListening
 
 pytestmark = pytest.mark.retry
 
@@ -68,6 +68,25 @@ def test_a_qemu_that_exits_is_noticed(tmp_path: pathlib.Path) -> None:
     monitor(tmp_path / "qmp", GREETING, hang_up=True)
     with pytest.raises(Failed):
         Monitor(tmp_path / "qmp")
+
+
+def test_a_qemu_that_does_not_listen_yet_is_awaited(image: pathlib.Path, tmp_path: pathlib.Path,
+                                                    monkeypatch: pytest.MonkeyPatch) -> None:
+    """QEMU makes the socket's name, and listens after that."""
+    with socket.socket(socket.AF_UNIX) as early:
+        early.bind(str(tmp_path / "qmp"))
+        with pytest.raises(NotListening):
+            Monitor(tmp_path / "qmp")
+    tried: list[pathlib.Path] = []
+
+    class Late(Monitor):
+        def __init__(self, path: pathlib.Path, patience: float = PATIENCE) -> None:
+            tried.append(path)
+            super().__init__(tmp_path / "qmp" if len(tried) < 3 else path, patience)
+
+    monkeypatch.setattr(qemu, "Monitor", Late)
+    with qemu.Guest(image, "tcg", console=False):
+        assert len(tried) >= 3
 
 
 def test_a_tool_that_hangs_is_killed() -> None:

@@ -18,7 +18,7 @@ from parts.disk.disk import BOOT, Disk
 from parts.guest import machine as boards
 from parts.guest.channel import Channel, Timeout, make_pipes
 from parts.guest.machine import Machine
-from parts.guest.qmp import Monitor
+from parts.guest.qmp import Monitor, NotListening
 from parts.guest.robot import Robot
 from parts.processes import kill, stop
 
@@ -123,14 +123,18 @@ class Guest(Robot):
         self.begin = time.monotonic()
         with (self.folder / "qemu.log").open("w") as words:
             self.process = subprocess.Popen(self._command, stdin=subprocess.DEVNULL, stderr=words)
-        try:
-            monitor = self.folder / "qmp"
-            wait_until(lambda: monitor.exists() or self.process.poll() is not None, "QEMU does not start",
-                       patience=PATIENCE)
-            if not monitor.exists():
+
+        def answers() -> bool:
+            if self.process.poll() is not None:
                 raise Failed("QEMU does not start")
-            with Monitor(self.folder / "qmp"):  # answers when all devices exist
-                pass
+            try:
+                with Monitor(self.folder / "qmp"):  # answers when all devices exist
+                    return True
+            except NotListening:  # QEMU makes the socket's name before it listens
+                return False
+
+        try:
+            wait_until(answers, "QEMU does not start", patience=PATIENCE)
         except BaseException as error:
             kill(self.process)
             if isinstance(error, Failed):

@@ -9,6 +9,10 @@ from typing import Any
 from parts.common import PATIENCE, Closing, Failed
 
 
+class NotListening(Failed):
+    """No program listens at the socket."""
+
+
 class Monitor(Closing):
     """A connection, of which QEMU serves one at a time. All answers must come within `patience` seconds."""
 
@@ -23,7 +27,8 @@ class Monitor(Closing):
             self.execute("qmp_capabilities")
         except OSError as error:
             self._socket.close()
-            raise Failed(f"QEMU: {error}") from None
+            kind = NotListening if isinstance(error, (ConnectionRefusedError, FileNotFoundError)) else Failed
+            raise kind(f"QEMU: {error}") from None
         except Failed:
             self._socket.close()
             raise
