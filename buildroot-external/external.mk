@@ -17,6 +17,12 @@ define DDXVIDEO_COPY_LICENSES
 	)
 endef
 
+# A package's patches, for NAME_OVERRIDE_SRCDIR as well: Buildroot patches only what it has downloaded. A hook after
+# rsync.
+define DDXVIDEO_PATCH_OVERRIDDEN
+	test -e $(@D)/.applied_patches_list || $(APPLY_PATCHES) $(@D) $($(PKG)_PKGDIR) \*.patch
+endef
+
 # The init scripts of a package's services, from its programs.txt. A hook after the installation.
 define DDXVIDEO_INSTALL_INIT_SCRIPTS
 	$(DDXVIDEO_TOP)/board/common/init-scripts $(@D) $(TARGET_DIR)

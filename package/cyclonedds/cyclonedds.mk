@@ -26,10 +26,7 @@ CYCLONEDDS_CONF_OPTS = \
 # Target "all" does not link without the parts that are left out.
 CYCLONEDDS_BUILD_OPTS = --target ddsc
 
-# Buildroot patches only what it has downloaded; ddxcatalog needs the patches with CYCLONEDDS_OVERRIDE_SRCDIR, too.
-define CYCLONEDDS_PATCH_OVERRIDDEN
-	test -e $(@D)/.applied_patches_list || $(APPLY_PATCHES) $(@D) $(CYCLONEDDS_PKGDIR) \*.patch
-endef
-CYCLONEDDS_POST_RSYNC_HOOKS += CYCLONEDDS_PATCH_OVERRIDDEN
+# ddxcatalog needs the patches.
+CYCLONEDDS_POST_RSYNC_HOOKS += DDXVIDEO_PATCH_OVERRIDDEN
 
 $(eval $(cmake-package))

@@ -14,10 +14,7 @@ LIBDC1394_DEPENDENCIES = host-pkgconf libusb
 LIBDC1394_CONF_OPTS = --disable-examples --without-x --disable-doxygen-doc
 LIBDC1394_CONF_ENV = ac_cv_path_SDL_CONFIG=no
 
-# Buildroot patches only what it has downloaded; ddxvideo needs the patches with LIBDC1394_OVERRIDE_SRCDIR, too.
-define LIBDC1394_PATCH_OVERRIDDEN
-	test -e $(@D)/.applied_patches_list || $(APPLY_PATCHES) $(@D) $(LIBDC1394_PKGDIR) \*.patch
-endef
-LIBDC1394_POST_RSYNC_HOOKS += LIBDC1394_PATCH_OVERRIDDEN
+# ddxvideo needs the patches.
+LIBDC1394_POST_RSYNC_HOOKS += DDXVIDEO_PATCH_OVERRIDDEN
 
 $(eval $(autotools-package))
