@@ -12,6 +12,7 @@ from parts.release import renew
 pytestmark = pytest.mark.retry
 
 CONFIG = """# a comment
+BR2_EXTERNAL_DDXVIDEO_VERSION="-g0123abcd"
 BR2_x86_64=y
 BR2_PACKAGE_FFMPEG_DECODERS="h264"
 BR2_PACKAGE_LZ4=y
@@ -37,6 +38,7 @@ def changed(before: dict[str, str], after: dict[str, str]) -> list[str]:
 @pytest.mark.parametrize("edit, concerns", [
     (lambda text: text, []),
     (lambda text: text.replace("a comment", "another"), []),
+    (lambda text: text.replace("0123abcd", "0123abcd-dirty"), []),
     (lambda text: text.replace('"h264"', '"h264 mjpeg"'), ["ffmpeg-reconfigure", "target"]),
     (lambda text: text.replace("/one/overlay", "/another/overlay"), []),  # overlays are compared with the sources
     (lambda text: text.replace("BR2_PACKAGE_LZ4=y", "# BR2_PACKAGE_LZ4 is not set"), ["clean", "target"]),

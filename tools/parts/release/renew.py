@@ -14,9 +14,10 @@ from parts import trees
 from parts.common import TOP, fingerprint
 
 CLEAN, TARGET = "clean", "target"
-# Options for files of ours, which are hashed themselves, and for steps that each build repeats.
+# Options for files of ours, which are hashed themselves, for steps that each build repeats, and the tree's commit.
 NAMES_FILES = re.compile(r"BR2_(ROOTFS_(OVERLAY|POST_\w+_SCRIPT|DEVICE_TABLE)|GLOBAL_PATCH_DIR|PACKAGE_BUSYBOX_CONFIG|"
-                         r"LINUX_KERNEL_(CUSTOM_CONFIG_FILE|CONFIG_FRAGMENT_FILES)|DL_DIR|JLEVEL|DEFCONFIG)=")
+                         r"LINUX_KERNEL_(CUSTOM_CONFIG_FILE|CONFIG_FRAGMENT_FILES)|DL_DIR|JLEVEL|DEFCONFIG|"
+                         r"EXTERNAL_\w+_VERSION)=")
 KERNEL = re.compile(r'^BR2_LINUX_KERNEL_(?:CUSTOM_CONFIG_FILE|CONFIG_FRAGMENT_FILES)="(.*)"$', re.M)
 FFMPEG = "BR2_PACKAGE_FFMPEG_"
 BUSYBOX = ["board/common/busybox.config", "board/common/manifest.txt", "tools/parts/image/buildroot_busybox.py",
