@@ -8,7 +8,7 @@ import re
 from parts.common import TOP, entries, run
 from parts.guest.robot import Robot
 
-BUDGET = TOP / "board/common/budget.txt"
+BUDGET = TOP / "tests/boot/budget.txt"
 NEAR = 0.9
 MIB, PAGE = 1 << 20, 4096
 
@@ -28,19 +28,24 @@ class Item:
         return "near" if self.value > NEAR * self.limit else "fine"
 
 
-def judge(values: dict[str, float]) -> list[Item]:
+def limit(words: str, board: str) -> float:
+    """The board's limit of `LIMIT[,BOARD=LIMIT]...`."""
+    usual, *others = words.split(",")
+    return float(dict(one.split("=") for one in others).get(board, usual))
+
+
+def judge(values: dict[str, float], board: str) -> list[Item]:
     """The budget's lines with a measured value."""
     items = []
     for line in entries(BUDGET):
-        name, limit, unit, text = line.split(None, 3)
-        if name not in values:
-            continue
-        items.append(Item(name, round(values[name], 2), float(limit), unit, text))
+        name, limits, unit, text = line.split(None, 3)
+        if name in values:
+            items.append(Item(name, round(values[name], 2), limit(limits, board), unit, text))
     return items
 
 
 def table(items: list[Item]) -> str:
-    return "\n".join(f"{one.name:12} {one.value:8.2f} of {one.limit:4.0f} {one.unit:4} {one.verdict:5} {one.text}"
+    return "\n".join(f"{one.name:12} {one.value:8.2f} of {one.limit:4.1f} {one.unit:4} {one.verdict:5} {one.text}"
                      for one in items)
 
 
