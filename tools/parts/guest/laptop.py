@@ -38,11 +38,11 @@ def is_free(port: int) -> bool:
         return True
 
 
-def forward(port: int, https: int = 0) -> tuple[str, ...]:
+def forward(port: int, https: int = 0, card: str = "virtio-net-pci") -> tuple[str, ...]:
     """QEMU's options for a network card, with the guest's SSH at this port, and the panel at the other one."""
     panel = f",hostfwd=tcp:127.0.0.1:{https}-:443" if https else ""
     return ("-netdev", f"user,id=laptop,hostfwd=tcp:127.0.0.1:{port}-:22{panel}",
-            "-device", "virtio-net-pci,netdev=laptop")
+            "-device", f"{card},netdev=laptop")
 
 
 class Laptop:
