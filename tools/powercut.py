@@ -74,10 +74,11 @@ class Found:
 
 # ---- Record ----
 
-def provide(disk: pathlib.Path, clip: pathlib.Path) -> dict[str, Any]:
+def provide(disk: pathlib.Path, clip: pathlib.Path, board: str = machine.DEV) -> dict[str, Any]:
     """The guest's options for record()."""
     with scratch() as folder:
-        content: testdisk.Files = {"ddxvideoload.conf": "loop=\n", "marks": disk_session.program("marks", folder)}
+        content: testdisk.Files = {"ddxvideoload.conf": "loop=\n",
+                                   "marks": disk_session.program("marks", folder, board)}
         return {"test_disk": testdisk.make(disk, clip, content), "provision": f"service={SAVE} off\n", **COUNTED}
 
 
@@ -148,6 +149,8 @@ def moments(log: pathlib.Path, part: mbr.Partition, marks: mbr.Partition) -> lis
         metadata = inside and len(entry.data) <= BLOCK and not numbers
         found.append(Moment(acknowledged, newest, entry.is_flush or metadata))
     newest = found[-1].newest
+    if newest < 0:
+        raise Failed("no frame of the store was marked, so that no loss can be found")
     for one in reversed(found):  # the newest frame at the next mark
         one.newest, newest = newest, one.newest
     return found

@@ -11,6 +11,7 @@ import powercut
 from lib.figures import Figure
 from parts.disk import blocklog, mbr
 from parts.guest import testdisk
+from parts.guest.machine import Machine
 from parts.guest.qemu import Boot, Guest
 
 
@@ -23,12 +24,12 @@ MARK = b"without flushes"
 
 @pytest.mark.parametrize("kind", CUTS)
 def test_recordings_survive_power_cuts(boot: Boot, image: pathlib.Path, clip: pathlib.Path, tmp_path: pathlib.Path,
-                                    kind: str, record_property: Figure) -> None:
+                                       board: Machine, kind: str, record_property: Figure) -> None:
     """The naive recorder must lose more than allowed; otherwise the test proves nothing."""
     if subprocess.run(["losetup", "-f"], capture_output=True, check=False).returncode:
         pytest.skip("no loop devices here: no disk was mounted as a power cut leaves it")
     log = tmp_path / "writes"
-    with boot(f"powercut-{kind}", writes=log, **powercut.provide(tmp_path / "test.img", clip)) as guest:
+    with boot(f"powercut-{kind}", writes=log, **powercut.provide(tmp_path / "test.img", clip, board.board)) as guest:
         powercut.record(guest, kind, SECONDS)
     figures = powercut.summary(list(powercut.replay(log, image, clip, kind, CUTS[kind], 7)))
     for name, value in figures.items():

@@ -4,7 +4,7 @@ import dataclasses
 import pathlib
 
 from parts.common import TOP, Failed, run
-from parts.guest import session, testdisk, write_trace
+from parts.guest import machine, session, testdisk, write_trace
 from parts.guest.native_disk import NativeDisk
 from parts.guest.qemu import Guest
 from parts.guest.robot import Robot
@@ -36,9 +36,10 @@ class Result:
     neighbour: int   # number of fsyncs of the neighbour
 
 
-def program(name: str, folder: pathlib.Path) -> pathlib.Path:
-    """Build tests/guest/NAME as a static program for the development image."""
+def program(name: str, folder: pathlib.Path, board: str = machine.DEV) -> pathlib.Path:
+    """Build tests/guest/NAME as a static program for the board's processor."""
     run(["gcc", "-static", "-std=gnu11", "-O2", "-Wall", "-Wextra", "-Werror", "-pthread", "-D_GNU_SOURCE",
+         *machine.compiler_words(board),
          TOP / f"tests/guest/{name}/main.c", *(native.static_library() if name in READERS else []), "-o",
          folder / name])
     return folder / name

@@ -18,12 +18,11 @@ SANITIZE = ["-std=gnu11", "-g", "-O1", "-fsanitize=address,undefined", "-fno-omi
 
 def programs(work: pathlib.Path, board: str) -> dict[str, pathlib.Path]:
     """Build tests/guest as static programs for the board's processor; `frames` contains libddx."""
-    bits = ["-m32", "-D_FILE_OFFSET_BITS=64", "-D_TIME_BITS=64"] if "i386" in machine.meta(board)["qemu"] else []
     # With a declared type, a lookup would refuse items of other layouts than 4:2:0.
     more: dict[str, list[str]] = {"v4l": [], "frames": ["-DDDXVIDEO_UNDECLARED=", *native.static_library()]}
     for name in more:
-        run(["gcc", "-static", "-std=gnu11", "-O2", "-Wall", "-Wextra", "-Werror", "-pthread", *bits,
-             *sorted((SOURCES / name).glob("*.c")), *more[name], "-o", work / name])
+        run(["gcc", "-static", "-std=gnu11", "-O2", "-Wall", "-Wextra", "-Werror", "-pthread",
+             *machine.compiler_words(board), *sorted((SOURCES / name).glob("*.c")), *more[name], "-o", work / name])
     return {name: work / name for name in more}
 
 
