@@ -5,8 +5,9 @@ import pathlib
 
 import pytest
 
-from parts.common import TOP, entries, run
-from parts.guest import session, testdisk
+from parts.common import TOP, entries
+from parts.guest import guest_program, session, testdisk
+from parts.guest.machine import Machine
 from parts.guest.qemu import Boot
 
 pytestmark = [pytest.mark.long, pytest.mark.retry]
@@ -22,10 +23,9 @@ def is_listed(path: str, listed: list[str]) -> bool:
     return any(fnmatch.fnmatchcase(path if one.startswith("/") else name, one) for one in listed)
 
 
-def test_a_boot_reads_the_listed_files(boot: Boot, work: pathlib.Path, short_clip: pathlib.Path) -> None:
-    program = work / "cached"
-    run(["gcc", "-static", "-std=gnu11", "-O2", "-Wall", "-Wextra", "-Werror", "-D_GNU_SOURCE",
-         TOP / "tests/guest/cached/main.c", "-o", program])
+def test_a_boot_reads_the_listed_files(boot: Boot, work: pathlib.Path, short_clip: pathlib.Path,
+                                       board: Machine) -> None:
+    program = guest_program.build("cached", work, board.board)
     with boot("files", test_disk=testdisk.make(work / "files.img", short_clip, {"cached": program})) as guest:
         guest.shell()
         session.wait_for_recording(guest)

@@ -95,7 +95,9 @@ def test_idle_time_is_no_work() -> None:
 
 def test_verdicts_over_near_and_fine(tmp_path: pathlib.Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(budget, "BUDGET", tmp_path / "budget.txt")
-    budget.BUDGET.write_text("# Limits\nimage 32 MiB a\nroot 28,this=25 MiB b\nmemory 64,other=9 MiB c\nstart 1 s d\n")
-    verdicts = {one.name: one.verdict for one in budget.judge({"image": 32.1, "root": 25, "memory": 10}, "this")}
-    assert verdicts == {"image": "over", "root": "near", "memory": "fine"}
-    assert [one.limit for one in budget.judge({"root": 25, "memory": 10}, "other")] == [28, 9]
+    budget.BUDGET.write_text("# Limits\nimage 32 MiB a\nroot 30,this=28 MiB b\nmemory 64,other=9 MiB c\n"
+                             "user_work 3 s d\nfirst_frame 6 s e\nstart 1 s f\n")
+    values = {"image": 32.1, "root": 25.3, "memory": 10.0, "first_frame": 6.0, "start": 0.89}
+    verdicts = {one.name: one.verdict for one in budget.judge(values, "this")}
+    assert verdicts == {"image": "over", "root": "near", "memory": "fine", "first_frame": "near", "start": "fine"}
+    assert [one.limit for one in budget.judge({"root": 25.3, "memory": 10.0}, "other")] == [30, 9]

@@ -3,8 +3,8 @@
 import dataclasses
 import pathlib
 
-from parts.common import TOP, Failed, run
-from parts.guest import machine, session, testdisk, write_trace
+from parts.common import Failed
+from parts.guest import guest_program, machine, session, testdisk, write_trace
 from parts.guest.native_disk import NativeDisk
 from parts.guest.qemu import Guest
 from parts.guest.robot import Robot
@@ -37,12 +37,7 @@ class Result:
 
 
 def program(name: str, folder: pathlib.Path, board: str = machine.DEV) -> pathlib.Path:
-    """Build tests/guest/NAME as a static program for the board's processor."""
-    run(["gcc", "-static", "-std=gnu11", "-O2", "-Wall", "-Wextra", "-Werror", "-pthread", "-D_GNU_SOURCE",
-         *machine.compiler_words(board),
-         TOP / f"tests/guest/{name}/main.c", *(native.static_library() if name in READERS else []), "-o",
-         folder / name])
-    return folder / name
+    return guest_program.build(name, folder, board, native.static_library() if name in READERS else [])
 
 
 def programs(folder: pathlib.Path) -> dict[str, pathlib.Path]:

@@ -4,7 +4,7 @@ import pathlib
 from collections.abc import Mapping
 
 from parts.common import TOP, run
-from parts.guest import machine, testdisk
+from parts.guest import guest_program, testdisk
 from parts.guest.qemu import Guest
 from parts.image import dc1394, native, srtp
 
@@ -12,18 +12,14 @@ GRABBER = "ddxvideoV4L"
 FEED = "feed.y4m"   # on the test disk: a clip that no service replays
 INTERLACED = 4      # V4L2_FIELD_INTERLACED
 LOOPED = "input=S-Video\nstandard=PAL\nsize=CIF\nformat=YU12\n"  # settings of the grabber for loop()
-SOURCES = TOP / "tests/guest"
 SANITIZE = ["-std=gnu11", "-g", "-O1", "-fsanitize=address,undefined", "-fno-omit-frame-pointer"]
 
 
 def programs(work: pathlib.Path, board: str) -> dict[str, pathlib.Path]:
-    """Build tests/guest as static programs for the board's processor; `frames` contains libddx."""
+    """Build what feeds and judges the camera; `frames` contains libddx."""
     # With a declared type, a lookup would refuse items of other layouts than 4:2:0.
     more: dict[str, list[str]] = {"v4l": [], "frames": ["-DDDXVIDEO_UNDECLARED=", *native.static_library()]}
-    for name in more:
-        run(["gcc", "-static", "-std=gnu11", "-O2", "-Wall", "-Wextra", "-Werror", "-pthread",
-             *machine.compiler_words(board), *sorted((SOURCES / name).glob("*.c")), *more[name], "-o", work / name])
-    return {name: work / name for name in more}
+    return {name: guest_program.build(name, work, board, words) for name, words in more.items()}
 
 
 def sanitized_1394(work: pathlib.Path) -> pathlib.Path:

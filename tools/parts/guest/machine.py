@@ -29,11 +29,6 @@ def meta(board: str) -> dict[str, str]:
     return dict(line.split("=", 1) for line in entries(known[board] / "meta"))
 
 
-def compiler_words(board: str) -> list[str]:
-    """The compiler's options for static programs that run on the board's processor."""
-    return ["-m32", "-D_FILE_OFFSET_BITS=64", "-D_TIME_BITS=64"] if "i386" in meta(board)["qemu"] else []
-
-
 @dataclasses.dataclass(frozen=True)
 class Machine:
     board: str
