@@ -14,8 +14,8 @@ pytestmark = [pytest.mark.long, pytest.mark.retry]
 
 LIST = TOP / "board/common/boot-files.txt"
 # Read by the test, for QEMU's devices only, or after the first frame.
-OTHERS = ("/usr/libexec/ddx/shell", "/usr/bin/ddxctl", "/lib/modules/*.ko", "/usr/sbin/ddxgrow", "/sbin/resize2fs",
-          "libfdisk.so.*")
+OTHERS = ("/usr/libexec/ddx/shell", "/etc/profile.d/*", "/usr/bin/ddxctl", "/lib/modules/*.ko", "/usr/sbin/ddxgrow",
+          "/sbin/resize2fs", "libfdisk.so.*")
 
 
 def is_listed(path: str, listed: list[str]) -> bool:

@@ -86,11 +86,15 @@ def test_a_falsified_line_is_found(root: pathlib.Path, image: pathlib.Path, monk
     assert complaints(root, image)[kind] != []
 
 
-def test_x264_is_loaded_by_the_programs_that_call_it_alone(root: pathlib.Path) -> None:
-    """In a library, it would cost each grabber memory and time at its start, and put the library under the GPL."""
+@pytest.mark.parametrize("library, programs", [("libx264", {"ddxvideosave", "ddxvideosend"}),
+                                               ("libdrm", {"ddxvideoplay", "ddxvideoview"})])
+def test_a_library_is_loaded_by_the_programs_that_call_it_alone(root: pathlib.Path, library: str,
+                                                                programs: set[str]) -> None:
+    """Linked to one of FFmpeg's, it would cost each grabber memory and time at its start; x264, the licence as well."""
+    name = library.encode() + b".so"
     linked = {path.name for path in root.rglob("*") if path.is_file() and not path.is_symlink() and
-              path.stat().st_mode & 0o111 and b"libx264.so" in path.read_bytes() and "libx264" not in path.name}
-    assert linked == {"ddxvideosave", "ddxvideosend"}
+              path.stat().st_mode & 0o111 and name in path.read_bytes() and library not in path.name}
+    assert linked == programs
 
 
 def test_no_program_brings_a_large_struct_in_its_file(root: pathlib.Path) -> None:
