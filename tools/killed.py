@@ -3,20 +3,22 @@
 """make test-long T=killed: does a machine record again without help, each time its plug was pulled?
 
 killed.py [-times N] [-seed N]: QEMU is killed (SIGKILL) while the guest records, boots or checks its file systems, and
-started again on the same disk. A stopped run continues after the last kill in output/killed/killed.jsonl; a run with
-another image or seed starts over, on a new disk.
+started again on the same disk. BOARD= chooses the image, FIRMWARE= its firmware. A stopped run continues after the last
+kill in output/killed/killed.jsonl; a run with another image, machine or seed starts over, on a new disk.
 """
 import dataclasses
 import hashlib
+import os
 import pathlib
 import random
 import time
-from collections.abc import Callable, Iterable
+from collections.abc import Callable
 
 import build
 from parts import processes
 from parts.common import OUTPUT, PATIENCE, Failed, command_line, finish, say
 from parts.guest import machine, qemu, session, testdisk
+from parts.guest.machine import Machine
 from parts.guest.qemu import Guest
 from parts.guest.session import SAVE
 from parts.image import native
@@ -55,14 +57,14 @@ class Plug:
 
     patience = RECORDS
 
-    def __init__(self, image: pathlib.Path, accel: str, folder: pathlib.Path, clip: pathlib.Path) -> None:
+    def __init__(self, image: pathlib.Path, accel: str, board: Machine, folder: pathlib.Path,
+                 clip: pathlib.Path) -> None:
         folder.mkdir(parents=True, exist_ok=True)
-        self.image, self.accel, self.folder, self.clip = image, accel, folder, clip
+        self.image, self.accel, self.board, self.folder, self.clip = image, accel, board, folder, clip
         self.test = testdisk.make(folder / "test.img", clip, SETTINGS)
 
     def boot(self) -> Guest:
-        return Guest(self.image, self.accel, machine.machines(machine.DEV)[0], test_disk=self.test, keep=self.folder,
-                     size=SIZE)
+        return Guest(self.image, self.accel, self.board, test_disk=self.test, keep=self.folder, size=SIZE)
 
     def pull(self, kill: Kill, guest: Guest) -> None:
         """Kill a guest that has just been started, or that records."""
@@ -116,8 +118,8 @@ def run(plug: Plug, kills: list[Kill], done: list[Kill], tell: Callable[[list[Ki
     return waiting
 
 
-def campaign(made_of: Iterable[pathlib.Path], seed: int) -> Campaign:
-    return Campaign(WORK / "killed.jsonl", made_of, [WORK / "disk.qcow2"], seed=seed)
+def campaign(image: pathlib.Path, board: Machine, seed: int) -> Campaign:
+    return Campaign(WORK / "killed.jsonl", [image], [WORK / "disk.qcow2"], seed=seed, machine=dataclasses.asdict(board))
 
 
 def keep(steps: Campaign, done: list[Kill]) -> None:
@@ -128,11 +130,13 @@ def keep(steps: Campaign, done: list[Kill]) -> None:
 
 def main() -> int:
     arguments = command_line(__doc__, times=100, seed=1)
-    image = build.dev([native.build()])
-    steps = campaign([image], arguments.seed)
+    board = machine.machines(os.environ.get("BOARD") or machine.DEV)[0]
+    development = build.dev([native.build()])
+    image = development if board.board == machine.DEV else machine.image(board.board)
+    steps = campaign(image, board, arguments.seed)
     done = [Kill(**one) for one in steps.results.values()]
     clip = default_clip.write(WORK / "clip.y4m", 20)
-    plug = Plug(image, qemu.acceleration(image), WORK, clip)
+    plug = Plug(image, qemu.acceleration(development), board, WORK, clip)
     last = run(plug, plan(arguments.times, arguments.seed), done, lambda done: keep(steps, done))
     with plug.boot() as guest:
         plug.judge(guest, last)

@@ -8,19 +8,14 @@ import killed
 from killed import Kill, Plug
 from lib.figures import Figure
 from parts.common import Failed
-from parts.guest import machine
+from parts.guest.machine import Machine
 
-from .conftest import BOARD
-
-pytestmark = [pytest.mark.retry, 
-    pytest.mark.long,
-    pytest.mark.skipif(BOARD != machine.DEV, reason="tools/killed.py starts the development image's machine"),
-]
+pytestmark = [pytest.mark.long, pytest.mark.retry]
 
 
-def test_records_again_after_power_cuts(image: pathlib.Path, accel: str, clip: pathlib.Path, tmp_path: pathlib.Path,
-                          record_property: Figure) -> None:
-    plug = Plug(image, accel, tmp_path, clip)
+def test_records_again_after_power_cuts(image: pathlib.Path, accel: str, board: Machine, clip: pathlib.Path,
+                                        tmp_path: pathlib.Path, record_property: Figure) -> None:
+    plug = Plug(image, accel, board, tmp_path, clip)
     done: list[Kill] = []
     kills = [Kill("recording", 2.0), Kill("check", 0.3)]
     last = killed.run(plug, kills, done, lambda _: None)
