@@ -12,7 +12,6 @@ import sys
 import build
 from parts.common import OUTPUT, TOP, Failed, finish, run, say
 from parts.guest import laptop, machine, qemu, terminal, testdisk
-from parts.image import native
 from parts.media import clip
 
 WORK = OUTPUT / "boot"
@@ -39,10 +38,7 @@ def display() -> int:
 def main() -> int:
     board = sys.argv[1] if len(sys.argv) > 1 and sys.argv[1] else machine.DEV
     chosen = machine.machines(board)[0]
-    if board != machine.DEV:
-        machine.image(board)  # fails, before anything is built, if there is none
-    development = build.dev([native.build()])
-    image = development if board == machine.DEV else machine.image(board)
+    image, development = build.images(board)
     WORK.mkdir(parents=True, exist_ok=True)
     disk = testdisk.make(WORK / "test.img", clip.write(WORK / "clip.y4m", clip.SHORT),
                          {"ddxvideoload.conf": "loop=\nonce=no\n"})

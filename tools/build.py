@@ -13,6 +13,7 @@ from concurrent.futures import ThreadPoolExecutor
 
 from parts import trees
 from parts.common import OUTPUT, TOP, Failed, alone, commit, finish, fingerprint, run, say, step
+from parts.guest import machine
 from parts.image import busybox, ffmpeg, kernel, native, rootfs, tables
 from parts.release import update_file
 
@@ -85,6 +86,14 @@ def dev(packages: list[pathlib.Path], folder: pathlib.Path = DEV) -> pathlib.Pat
         step("root file system", folder / "root.stamp", key, make_root)
         step("disk", folder / "disk.stamp", fingerprint([TOP / "board/common"], key), make_disk)
     return folder / "disk.img"
+
+
+def images(board: str) -> tuple[pathlib.Path, pathlib.Path]:
+    """The board's image, and the development image, with which QEMU's acceleration is tried. A board that Buildroot has
+    not built is refused before anything is built here."""
+    product = None if board == machine.DEV else machine.image(board)
+    development = dev([native.build()])
+    return product or development, development
 
 
 def main() -> int:

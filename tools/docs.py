@@ -16,7 +16,7 @@ from parts.common import OUTPUT, TOP, finish, run, say, scratch
 from parts.guest import laptop, machine, panel, qemu, session, testdisk
 from parts.guest.laptop import Laptop
 from parts.guest.qemu import Guest
-from parts.image import native, wheels
+from parts.image import wheels
 
 PAGE = TOP / "docs/technician.md"
 ROBOT, LAPTOP = "robot#", "laptop>"
@@ -173,11 +173,10 @@ def check(guest: Guest, users: list[Laptop], machine: str, command: str) -> bool
 def main() -> int:
     board = sys.argv[1] if len(sys.argv) > 1 and sys.argv[1] else machine.DEV
     (TOP / "docs/pictures").mkdir(exist_ok=True)
-    dev = build.dev([native.build()])
-    image = dev if board == machine.DEV else machine.image(board)
-    panel_pictures(dev.parent / "root")
+    image, development = build.images(board)
+    panel_pictures(development.parent / "root")
     users = laptops(OUTPUT / "docs")
-    with Guest(image, qemu.acceleration(dev), machine.machines(board)[0],
+    with Guest(image, qemu.acceleration(development), machine.machines(board)[0],
                **provide(image, OUTPUT / "docs", users)) as guest:
         prepare(guest)
         pictures(guest)

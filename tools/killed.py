@@ -21,7 +21,6 @@ from parts.guest import machine, qemu, session, testdisk
 from parts.guest.machine import Machine
 from parts.guest.qemu import Guest
 from parts.guest.session import SAVE
-from parts.image import native
 from parts.media import clip as default_clip, y4m
 from parts.media.recording import FileSystem
 from parts.testing.campaign import Campaign
@@ -131,8 +130,7 @@ def keep(steps: Campaign, done: list[Kill]) -> None:
 def main() -> int:
     arguments = command_line(__doc__, times=100, seed=1)
     board = machine.machines(os.environ.get("BOARD") or machine.DEV)[0]
-    development = build.dev([native.build()])
-    image = development if board.board == machine.DEV else machine.image(board.board)
+    image, development = build.images(board.board)
     steps = campaign(image, board, arguments.seed)
     done = [Kill(**one) for one in steps.results.values()]
     clip = default_clip.write(WORK / "clip.y4m", 20)
