@@ -20,8 +20,12 @@ endef
 # A package's patches, for NAME_OVERRIDE_SRCDIR as well: Buildroot patches only what it has downloaded. A hook after
 # rsync.
 define DDXVIDEO_PATCH_OVERRIDDEN
-	test -e $(@D)/.applied_patches_list || $(APPLY_PATCHES) $(@D) $($(PKG)_PKGDIR) \*.patch
+	test -e $(@D)/.applied_patches_list || { \
+		$(foreach folder,$(wildcard $($(PKG)_PKGDIR) \
+				$(addsuffix /$($(PKG)_RAWNAME),$(call qstrip,$(BR2_GLOBAL_PATCH_DIR)))), \
+			$(APPLY_PATCHES) $(@D) $(folder) \*.patch && ) true; }
 endef
+LINUX_POST_RSYNC_HOOKS += DDXVIDEO_PATCH_OVERRIDDEN
 
 # The init scripts of a package's services, from its programs.txt. A hook after the installation.
 define DDXVIDEO_INSTALL_INIT_SCRIPTS
