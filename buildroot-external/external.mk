@@ -72,6 +72,14 @@ ifeq ($(BR2_X86_CPU_HAS_SSE2),)
 X264_CONF_OPTS += --disable-asm
 endif
 
+# Pictures have 8 bits; code for 10 is as large once more.
+X264_CONF_OPTS += --bit-depth=8
+
+# Neither Wi-Fi Direct, which Buildroot's option for an access point brings, nor TDLS: nothing here uses them, and both
+# listen to the radio.
+WPA_SUPPLICANT_CONFIG_ENABLE := $(filter-out CONFIG_P2P,$(WPA_SUPPLICANT_CONFIG_ENABLE))
+WPA_SUPPLICANT_CONFIG_DISABLE += CONFIG_P2P CONFIG_TDLS
+
 # libsrtp2 with its own cryptography, even if the image has OpenSSL or NSS. OpenSSL's licence is not compatible with
 # x264's, which is in the same process, and both libraries take too long to start for each received source.
 LIBSRTP_CONF_OPTS += --disable-openssl --disable-nss
