@@ -46,6 +46,15 @@ for key in ${UPDATE_KEYS:-}; do
 	install -m 644 "$key" "$target/etc/ddx/update-keys/"
 done
 
+# Libraries that packages bring and no program of the image needs; a program of another tree may need one.
+for library in libmvec libss libnl-idiag-3 libnl-nf-3 libnl-xfrm-3 libnl-route-3; do
+	grep -qrF --exclude="$library.so*" "$library.so" "$target" ||
+		rm -f "$target/lib/$library".so* "$target/usr/lib/$library".so*
+done
+# BusyBox reads none of these.
+rm -f "$target"/lib/modules/*/modules.*.bin "$target"/lib/modules/*/modules.order \
+	"$target"/lib/modules/*/modules.builtin.modinfo
+
 # Folders of services for S19ready; overlays and the packages of all trees are in place by now. A package's own script
 # may do more than `service` does, so it does it at the boot.
 ready=$target/usr/share/ddx/ready

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-2.0-or-later
-"""Files that each boot reads lie unpacked in the squashfs, all others packed."""
+"""Files that each boot reads lie unpacked in the squashfs, all others packed; files that nothing needs are missing."""
 import pathlib
 
 import pytest
@@ -22,3 +22,18 @@ def test_listed_files_are_unpacked_and_others_are_packed(tmp_path: pathlib.Path)
     rootfs.pack(root, image)
     found = image.read_bytes()
     assert [name for name in (*LISTED, *OTHERS) if (root / name).read_bytes() in found] == [*LISTED]
+
+
+def test_a_library_stays_if_a_program_needs_it(tmp_path: pathlib.Path) -> None:
+    files = {"lib/libmvec.so.1": "needs libm.so.6", "usr/lib/libnl-nf-3.so.200.26.0": "libnl-nf-3.so.200",
+             "usr/bin/filter": "needs libmvec.so.1",
+             "lib/modules/6.12/modules.alias": "", "lib/modules/6.12/modules.order": ""}
+    for name, text in files.items():
+        (tmp_path / name).parent.mkdir(parents=True, exist_ok=True)
+        (tmp_path / name).write_text(text)
+    run([TOP / "board/common/post-build.sh", tmp_path])
+    assert [name for name in files if (tmp_path / name).exists()] == \
+        ["lib/libmvec.so.1", "usr/bin/filter", "lib/modules/6.12/modules.alias"]
+    (tmp_path / "usr/bin/filter").unlink()
+    run([TOP / "board/common/post-build.sh", tmp_path])
+    assert not (tmp_path / "lib/libmvec.so.1").exists()
