@@ -17,6 +17,9 @@ pytestmark = pytest.mark.retry
 SPOILT = {"applet": 1, "program": 1, "kernel": 1, "module": 1, "group": 2, "user": 2, "service": 1, "disk": 2,
           "partition": 3}
 ELSEWHERE = {"port"}
+# Loaded by glibc itself, or kept by it for old programs
+GLIBC_S_OWN = {"ld-linux", "libanl", "libdl", "libgcc_s", "libnss_dns", "libnss_files", "libpthread", "librt",
+               "libutil"}
 DATA = 128 << 10   # bytes of a program's initialized data
 BLOCK = 128 << 10  # bytes of the squashfs
 
@@ -97,6 +100,17 @@ def test_a_library_is_loaded_by_the_programs_that_call_it_alone(root: pathlib.Pa
     assert linked == programs
 
 
+def test_each_library_is_needed_by_a_program(root: pathlib.Path) -> None:
+    """Packages bring more: board/common/post-build.sh removes them."""
+    files = {path: path.read_bytes() for path in root.rglob("*") if path.is_file() and not path.is_symlink()
+             and path.open("rb").read(4) == b"\x7fELF"}
+    libraries = {path: path.name.split(".so")[0].encode() + b".so" for path in files
+                 if ".so." in path.name and path.parent.name == "lib"}
+    unneeded = {path.name.split(".so")[0] for path, name in libraries.items()
+                if not any(name in text for other, text in files.items() if other != path)}
+    assert libraries and unneeded <= GLIBC_S_OWN
+
+
 def test_no_program_brings_a_large_struct_in_its_file(root: pathlib.Path) -> None:
     """Structs without initial values take no bytes of the image, and no memory before they are used."""
     programs = [path for folder in ("usr/bin", "usr/sbin", "usr/libexec/ddx") for path in (root / folder).iterdir()
@@ -107,10 +121,10 @@ def test_no_program_brings_a_large_struct_in_its_file(root: pathlib.Path) -> Non
 
 
 def test_files_that_each_boot_reads_lie_unpacked(image: pathlib.Path, root: pathlib.Path) -> None:
-    """The first block of each, as it is, is in the squashfs."""
+    """The first block of each, as it is, is in the squashfs. A product's modules lie there unpacked, too."""
     packed = (image.parent / "rootfs.squashfs").read_bytes()
-    listed = {path for line in entries(TOP / "board/common/boot-files.txt")
-              for path in (root.glob(line[1:]) if line.startswith("/") else root.rglob(line))
+    lines = [*entries(TOP / "board/common/boot-files.txt"), *([] if BOARD == machine.DEV else ["*.ko"])]
+    listed = {path for line in lines for path in (root.glob(line[1:]) if line.startswith("/") else root.rglob(line))
               if path.is_file() and not path.is_symlink()}
     assert len(listed) > 50
     blocks = {path: path.open("rb").read(BLOCK) for path in listed}
