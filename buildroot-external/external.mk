@@ -80,6 +80,15 @@ X264_CONF_OPTS += --bit-depth=8
 WPA_SUPPLICANT_CONFIG_ENABLE := $(filter-out CONFIG_P2P,$(WPA_SUPPLICANT_CONFIG_ENABLE))
 WPA_SUPPLICANT_CONFIG_DISABLE += CONFIG_P2P CONFIG_TDLS
 
+# Programs and libraries that no frame passes through, compiled for size
+CYCLONEDDS_CONF_OPTS += -DCMAKE_C_FLAGS="$(TARGET_CFLAGS) -Os"
+RSYNC_CONF_ENV += CFLAGS="$(TARGET_CFLAGS) -Os"
+UTIL_LINUX_CONF_ENV += CFLAGS="$(TARGET_CFLAGS) -Os -Dstatic_assert=_Static_assert"
+WPA_SUPPLICANT_CFLAGS += -Os
+
+# SSH takes keys only (libexec/ddx/ssh): without crypt(), the server has no code for passwords.
+DROPBEAR_CONF_ENV += ac_cv_lib_crypt_crypt=no CFLAGS="$(TARGET_CFLAGS) -DDROPBEAR_SVR_PASSWORD_AUTH=0"
+
 # libsrtp2 with its own cryptography, even if the image has OpenSSL or NSS. OpenSSL's licence is not compatible with
 # x264's, which is in the same process, and both libraries take too long to start for each received source.
 LIBSRTP_CONF_OPTS += --disable-openssl --disable-nss

@@ -46,8 +46,12 @@ for key in ${UPDATE_KEYS:-}; do
 	install -m 644 "$key" "$target/etc/ddx/update-keys/"
 done
 
-# Libraries that packages bring and no program of the image needs; a program of another tree may need one.
-for library in libmvec libss libnl-idiag-3 libnl-nf-3 libnl-xfrm-3 libnl-route-3; do
+# Programs and libraries that packages bring and no program of the image needs; a program of another tree may need a
+# library.
+for program in e4crypt logsave mklost+found xxh32sum xxh64sum xxh128sum xxh3sum xxhsum; do
+	rm -f "$target/sbin/$program" "$target/usr/sbin/$program" "$target/usr/bin/$program"
+done
+for library in libcrypt libmvec libss libnl-idiag-3 libnl-nf-3 libnl-xfrm-3 libnl-route-3; do
 	grep -qrF --exclude="$library.so*" "$library.so" "$target" ||
 		rm -f "$target/lib/$library".so* "$target/usr/lib/$library".so*
 done
