@@ -6,6 +6,7 @@ import time
 
 import pytest
 
+from lib import evidence
 from parts.common import PATIENCE
 from parts.guest import session
 from parts.guest.qemu import USERSPACE, Guest
@@ -107,3 +108,9 @@ def test_no_start_has_failed(guest: Guest) -> None:
         begin, end, status, name, _ = line.split()
         assert status == "0", name
         print(f"{name}: {float(end) - float(begin):.2f} s")  # judged in test_budget.py
+
+
+def test_a_failure_s_evidence_leaves_the_console_to_later_tests(guest: Guest) -> None:
+    guest.sh(":")  # it runs
+    for _ in range(2):
+        assert evidence.take(guest, True).texts["dmesg"]

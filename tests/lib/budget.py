@@ -51,7 +51,7 @@ def table(items: list[Item]) -> str:
 
 def compressed(image: pathlib.Path) -> int:
     """Bytes of the compressed image."""
-    return int(run(["sh", "-c", 'xz -6 -T2 --stdout "$1" | wc -c', "sh", image]))
+    return int(run(["sh", "-c", 'xz -6 --stdout "$1" | wc -c', "sh", image]))
 
 
 def _free_in_lists(zones: str) -> int:

@@ -30,7 +30,10 @@ def _logs(guest: Guest, failed: bool) -> str:
             return guest.opened["hvc0"].run(COMMAND, SECONDS)[1] if "hvc0" in guest.opened else ""
         with contextlib.closing(Channel(guest.folder / "hvc1")) as channel:
             channel.open_shell(SECONDS)
-            return channel.run(COMMAND, SECONDS)[1]
+            try:
+                return channel.run(COMMAND, SECONDS)[1]
+            finally:
+                channel.begin("exit")  # a new shell starts, for a test that opens this console later
     return ""
 
 
